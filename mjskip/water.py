@@ -1,0 +1,38 @@
+"""The fluid: constants that travel together in one frozen object."""
+
+import math
+from dataclasses import dataclass, fields
+from typing import Literal, get_args
+
+Gate = Literal["centre", "local"]
+GATES: tuple[Gate, ...] = get_args(Gate)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Water:
+    """Water below z = 0 and air above it.
+
+    Attributes:
+        density: of the water [kg/m^3].
+        air_density: of the air [kg/m^3]; 0 switches air drag off.
+        gate: which immersed faces are loaded. "centre" is the paper's: those whose outward normal
+            makes at most 90 degrees with the velocity of the centre of mass. "local": those that
+            advance into the water themselves, so that water only ever takes energy.
+
+    Raises:
+        ValueError: a density is negative or not finite, or the gate is unknown.
+    """
+
+    density: float = 1000.0
+    air_density: float = 1.2
+    gate: Gate = "centre"
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if field.type in (float, "float") and not (math.isfinite(value) and value >= 0.0):
+                raise ValueError(
+                    f"{field.name} is {value!r}: give a finite number of at least 0 [kg/m^3]"
+                )
+        if self.gate not in GATES:
+            raise ValueError(f"gate is {self.gate!r}: use one of {', '.join(GATES)}")
