@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 import os
-from dataclasses import asdict, dataclass, field
-from pathlib import Path
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from mjskip.errors import MjskipError
+from mjskip.files import whole_file
 
 Array = npt.NDArray[np.float64]
 
@@ -42,6 +43,17 @@ class Moment:
         """Magnitude of the velocity [m/s]."""
         return float(np.linalg.norm(self.velocity))
 
+    def summary(self) -> dict[str, Any]:
+        """The same for JSON and tables: angles in degrees, spin in revolutions per second."""
+        return {
+            "time": self.time,
+            "position": list(self.position),
+            "velocity": list(self.velocity),
+            "attack_deg": math.degrees(self.attack),
+            "bank_deg": math.degrees(self.bank),
+            "spin_rev_s": self.spin / (2.0 * math.pi),
+        }
+
 
 @dataclass(frozen=True, kw_only=True)
 class Contact:
@@ -61,6 +73,16 @@ class Contact:
     depth: float
     impulse: tuple[float, float, float]
     airtime: float
+
+    def summary(self) -> dict[str, Any]:
+        """For JSON and tables; `exit` is None if the stone never left."""
+        return {
+            "entry": self.entry.summary(),
+            "exit": None if self.exit is None else self.exit.summary(),
+            "depth": self.depth,
+            "impulse": list(self.impulse),
+            "airtime": self.airtime,
+        }
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,7 +105,7 @@ class Trajectory:
         clearance: height of the lowest point above the surface (n,) [m]; negative when wet.
         contacts: touches in order of time.
         skips: touches that were followed by at least `min_airtime` in the air.
-        end: why it ended: "sunk", "planing", "at rest", "on land" or "out of time".
+        end: why it ended: "sunk", "planing", "at rest" or "out of time".
         mass: [kg].
         attributes: provenance: scene, body, engine, integrator, timestep, throw, water, version.
     """
@@ -106,3 +128,130 @@ class Trajectory:
     end: str
     mass: float
     attributes: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def energy(self) -> Array:
+        """Kinetic energy plus m g z (n,) [J]; gravity from the attributes, 9.81 m/s^2 if absent."""
+        gravity = float(self.attributes.get("gravity", 9.81))
+        kinetic = 0.5 * np.sum(self.P * self.velocity + self.L * self.omega, axis=1)
+        return np.asarray(kinetic + self.mass * gravity * self.x[:, 2], dtype=np.float64)
+
+    def to_dataset(self) -> xr.Dataset:
+        """The whole trajectory as an xarray Dataset with units and provenance."""
+        variables: dict[str, Any] = {
+            name: (("time", *dims), getattr(self, name), {"units": units, "long_name": text})
+            for name, dims, units, text in _SERIES
+        }
+        for side in ("entry", "exit"):
+            for name, dims, units in _MOMENT:
+                gap = np.full(3, np.nan) if dims else np.nan
+                rows = [getattr(getattr(c, side), name, gap) for c in self.contacts]
+                shape = (len(self.contacts), 3) if dims else (len(self.contacts),)
+                values = np.array(rows, dtype=np.float64).reshape(shape)
+                variables[f"{side}_{name}"] = (("contact", *dims), values, {"units": units})
+        for name, dims, units in _TOUCH:
+            shape = (len(self.contacts), 3) if dims else (len(self.contacts),)
+            values = np.array([getattr(c, name) for c in self.contacts], dtype=np.float64).reshape(shape)
+            variables[f"contact_{name}"] = (("contact", *dims), values, {"units": units})
+        data = xr.Dataset(
+            variables,
+            coords={
+                "time": ("time", self.time, {"units": "s"}),
+                "axis": ["x", "y", "z"],
+                "part": ["w", "x", "y", "z"],
+            },
+        )
+        data.attrs = {
+            "title": "stone skipping trajectory, world frame, z up, still water at z = 0",
+            "end": self.end,
+            "skips": self.skips,
+            "mass_kg": self.mass,
+            "provenance": json.dumps(self.attributes, default=str),
+        }
+        return data
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write a NetCDF-4 file; it appears whole or not at all.
+
+        Raises:
+            MjskipError: the folder does not exist or cannot be written to.
+        """
+        with whole_file(path) as part:
+            self.to_dataset().to_netcdf(part, engine="h5netcdf")
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Trajectory:
+        """Read what `save` wrote.
+
+        Raises:
+            MjskipError: the file is missing or is not such a file.
+        """
+        try:
+            with xr.open_dataset(path, engine="h5netcdf", decode_times=False) as opened:
+                data = opened.load()
+            series = {name: data[name].values for name, *_ in _SERIES}
+            return cls(
+                time=data["time"].values,
+                **series,
+                contacts=tuple(_contact(data, k) for k in range(data.sizes.get("contact", 0))),
+                skips=int(data.attrs["skips"]),
+                end=str(data.attrs["end"]),
+                mass=float(data.attrs["mass_kg"]),
+                attributes=json.loads(data.attrs["provenance"]),
+            )
+        except (OSError, KeyError, ValueError) as error:
+            raise MjskipError(
+                f"{path} cannot be read as a trajectory ({error}): give a file that "
+                "`mjskip run --save` or Trajectory.save wrote"
+            ) from error
+
+
+_SERIES: tuple[tuple[str, tuple[str, ...], str, str], ...] = (
+    ("x", ("axis",), "m", "centre of mass"),
+    ("q", ("part",), "1", "orientation, body to world"),
+    ("P", ("axis",), "kg m s-1", "momentum"),
+    ("L", ("axis",), "kg m2 s-1", "angular momentum about the centre of mass"),
+    ("velocity", ("axis",), "m s-1", "velocity of the centre of mass"),
+    ("omega", ("axis",), "rad s-1", "angular velocity"),
+    ("force", ("axis",), "N", "force of the water on the stone"),
+    ("torque", ("axis",), "N m", "torque of the water about the centre of mass"),
+    ("air_force", ("axis",), "N", "force of the air on the stone"),
+    ("wetted_area", (), "m2", "immersed area of the surface"),
+    ("wetted_centre", ("axis",), "m", "centroid of the immersed surface"),
+    ("clearance", (), "m", "height of the lowest point above the surface"),
+)
+_MOMENT: tuple[tuple[str, tuple[str, ...], str], ...] = (
+    ("time", (), "s"),
+    ("position", ("axis",), "m"),
+    ("velocity", ("axis",), "m s-1"),
+    ("attack", (), "rad"),
+    ("bank", (), "rad"),
+    ("spin", (), "rad s-1"),
+)
+_TOUCH: tuple[tuple[str, tuple[str, ...], str], ...] = (
+    ("depth", (), "m"),
+    ("impulse", ("axis",), "N s"),
+    ("airtime", (), "s"),
+)
+
+
+def _contact(data: xr.Dataset, k: int) -> Contact:
+    def value(name: str) -> Any:
+        return data[name].values[k].tolist()
+
+    def moment(side: str) -> Moment | None:
+        if math.isnan(value(f"{side}_time")):
+            return None
+        found = {name: value(f"{side}_{name}") for name, *_ in _MOMENT}
+        return Moment(**{n: tuple(v) if isinstance(v, list) else v for n, v in found.items()})
+
+    entry = moment("entry")
+    if entry is None:
+        raise ValueError(f"contact {k} has no entry")
+    return Contact(
+        entry=entry,
+        exit=moment("exit"),
+        depth=value("contact_depth"),
+        impulse=tuple(value("contact_impulse")),
+        airtime=value("contact_airtime"),
+    )

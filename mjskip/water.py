@@ -4,6 +4,8 @@ import math
 from dataclasses import dataclass, fields
 from typing import Literal, get_args
 
+from mjskip.laws import LAWS
+
 Gate = Literal["centre", "local"]
 GATES: tuple[Gate, ...] = get_args(Gate)
 
@@ -18,14 +20,16 @@ class Water:
         gate: which immersed faces are loaded. "centre" is the paper's: those whose outward normal
             makes at most 90 degrees with the velocity of the centre of mass. "local": those that
             advance into the water themselves, so that water only ever takes energy.
+        law: name of the force on an immersed face, a key of `mjskip.laws.LAWS`.
 
     Raises:
-        ValueError: a density is negative or not finite, or the gate is unknown.
+        ValueError: a density is negative or not finite, or the gate or the law is unknown.
     """
 
     density: float = 1000.0
     air_density: float = 1.2
     gate: Gate = "centre"
+    law: str = "lee2010"
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -36,3 +40,5 @@ class Water:
                 )
         if self.gate not in GATES:
             raise ValueError(f"gate is {self.gate!r}: use one of {', '.join(GATES)}")
+        if self.law not in LAWS:
+            raise ValueError(f"law is {self.law!r}: use one of {', '.join(LAWS)}")

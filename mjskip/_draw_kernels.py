@@ -1,0 +1,95 @@
+"""From the full grid of the water to the few vertices that are drawn."""
+
+import math
+
+from mjskip._jit import kernel
+
+
+@kernel
+def _span(left, right, count):  # type: ignore[no-untyped-def]
+    """First and one past the last cell touched by [left, right], clipped to the field."""
+    return max(0, int(math.floor(left))), min(count, int(math.ceil(right)))
+
+
+@kernel
+def box_means(  # type: ignore[no-untyped-def]
+    elevation, spacing, x_edges, y_edges, row_height, row_slope, height, x_slope, y_slope
+):
+    """Mean height and slope of the surface over the box of cells that each vertex stands for.
+
+    A vertex (i, j) stands for x_edges[i] <= u <= x_edges[i + 1] and likewise along y, in units of
+    cells: cell k fills k <= u <= k + 1. Cells count by the share of them inside the box, so waves
+    finer than the drawn mesh fade instead of turning into others; outside the field the water is
+    still. Slopes are central differences of the full grid (one-sided at its edges), averaged alike.
+
+    Args:
+        elevation: (nx, ny) [m].
+        spacing: side of a cell [m].
+        x_edges: (vx + 1,) ascending [cells].
+        y_edges: (vy + 1,) ascending [cells].
+        row_height: scratch (ny,).
+        row_slope: scratch (ny,).
+        height: out (vx, vy) [m].
+        x_slope: out (vx, vy).
+        y_slope: out (vx, vy).
+    """
+    nx, ny = elevation.shape
+    vx, vy = height.shape
+    for i in range(vx):
+        left, right = x_edges[i], x_edges[i + 1]
+        first, last = _span(left, right, nx)
+        for k in range(ny):
+            row_height[k] = 0.0
+            row_slope[k] = 0.0
+        for a in range(first, last):
+            weight = (min(right, a + 1.0) - max(left, float(a))) / (right - left)
+            before, after = max(a - 1, 0), min(a + 1, nx - 1)
+            rise = weight / ((after - before) * spacing)
+            for k in range(ny):
+                row_height[k] += weight * elevation[a, k]
+                row_slope[k] += rise * (elevation[after, k] - elevation[before, k])
+        for j in range(vy):
+            low, high = y_edges[j], y_edges[j + 1]
+            start, stop = _span(low, high, ny)
+            mean = 0.0
+            along_x = 0.0
+            along_y = 0.0
+            if last > first:
+                for b in range(start, stop):
+                    weight = (min(high, b + 1.0) - max(low, float(b))) / (high - low)
+                    below, above = max(b - 1, 0), min(b + 1, ny - 1)
+                    mean += weight * row_height[b]
+                    along_x += weight * row_slope[b]
+                    along_y += weight * (row_height[above] - row_height[below]) / (
+                        (above - below) * spacing
+                    )
+            height[i, j] = mean
+            x_slope[i, j] = along_x
+            y_slope[i, j] = along_y
+
+
+@kernel
+def fill_skin(x, y, height, x_slope, y_slope, vertices, normals):  # type: ignore[no-untyped-def]
+    """World positions and unit normals (-z_x, -z_y, 1)/|.| of a mesh over the axes x and y.
+
+    Args:
+        x: (vx,) [m].
+        y: (vy,) [m].
+        height: (vx, vy) [m].
+        x_slope: (vx, vy).
+        y_slope: (vx, vy).
+        vertices: out (vx * vy, 3) [m].
+        normals: out (vx * vy, 3).
+    """
+    vx, vy = height.shape
+    for i in range(vx):
+        for j in range(vy):
+            n = i * vy + j
+            a, b = x_slope[i, j], y_slope[i, j]
+            upright = 1.0 / math.sqrt(1.0 + a * a + b * b)
+            vertices[n, 0] = x[i]
+            vertices[n, 1] = y[j]
+            vertices[n, 2] = height[i, j]
+            normals[n, 0] = -a * upright
+            normals[n, 1] = -b * upright
+            normals[n, 2] = upright

@@ -1,0 +1,139 @@
+"""Forces of water and air on a stone in a given pose and motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import numpy.typing as npt
+from numba import types
+
+from mjskip import _force_kernels as kernels
+from mjskip._jit import native
+from mjskip._native import F8P, address_of_cfunc
+from mjskip.attitude import matrices
+from mjskip.laws import LAWS
+from mjskip.stone import Stone
+from mjskip.water import Water
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wrench:
+    """Forces on a stone, torques about its centre of mass, in the world frame.
+
+    Attributes:
+        force: of the water (3,) [N].
+        torque: of the water (3,) [N m].
+        air_force: of the air (3,) [N].
+        air_torque: of the air (3,) [N m].
+        wetted_area: immersed area of the surface, loaded or not [m^2].
+        wetted_centre: centroid of that surface (3,) [m]; the centre of mass when dry.
+        clearance: height of the lowest point above still water [m]; negative when wet.
+    """
+
+    force: Array
+    torque: Array
+    air_force: Array
+    air_torque: Array
+    wetted_area: float
+    wetted_centre: Array
+    clearance: float
+
+
+def wrench(
+    stone: Stone,
+    water: Water | None = None,
+    *,
+    position: npt.ArrayLike,
+    q: npt.ArrayLike = (1.0, 0.0, 0.0, 0.0),
+    velocity: npt.ArrayLike = (0.0, 0.0, 0.0),
+    omega: npt.ArrayLike = (0.0, 0.0, 0.0),
+) -> Wrench:
+    """Force and torque of still water (z = 0) and of air on a stone at one moment.
+
+    Args:
+        stone: the body.
+        water: the fluid; `Water()` if omitted.
+        position: of the centre of mass, world (3,) [m].
+        q: orientation (4,), w-x-y-z, body to world; any length but zero.
+        velocity: of the centre of mass, world (3,) [m/s].
+        omega: angular velocity, world (3,) [rad/s].
+
+    Returns:
+        The wrench. Equations (1)-(4) of Lee & Baek (2010), or the law that `water` names.
+
+    Raises:
+        ValueError: an argument has the wrong shape or is not finite, or q is zero.
+    """
+    x, v, w = (_vector(n, a, 3) for n, a in (("position", position), ("velocity", velocity), ("omega", omega)))
+    q = _vector("q", q, 4)
+    if not np.linalg.norm(q) > 0.0:
+        raise ValueError("q is zero: give a quaternion (w, x, y, z) of any length but zero")
+    states = pack_states(x[None], matrices(q)[None], v[None], w[None])
+    row = observe(pack(stone, water or Water()), states)[0]
+    return Wrench(
+        force=row[0:3],
+        torque=row[3:6],
+        air_force=row[6:9],
+        air_torque=row[9:12],
+        wetted_area=float(row[12]),
+        wetted_centre=row[13:16],
+        clearance=float(row[16]),
+    )
+
+
+def pack(stone: Stone, water: Water) -> Array:
+    """The block of doubles that the kernels know a stone in its water by."""
+    law = LAWS[water.law]
+    areas = np.linalg.norm(stone.area_vectors, axis=1)
+    block = np.zeros(kernels.HEADER + len(stone.faces) * kernels.ROW)
+    block[kernels.N_TRIANGLES] = len(stone.faces)
+    block[kernels.RADIUS] = stone.radius
+    block[kernels.LOCAL_GATE] = water.gate == "local"
+    block[kernels.NORMAL_SQUARED] = water.density * law.normal_squared
+    block[kernels.SPEED_NORMAL] = water.density * law.speed_normal
+    block[kernels.SPEED_SQUARED] = water.density * law.speed_squared
+    block[kernels.FRICTION] = water.density * law.friction
+    block[kernels.AIR_DENSITY] = water.air_density
+    block[kernels.DISC_AREA] = stone.disc_area
+    block[kernels.DISC_NORMAL : kernels.DISC_NORMAL + 3] = stone.disc_normal
+    block[kernels.DISC_CENTRE : kernels.DISC_CENTRE + 3] = stone.disc_centre
+    rows = block[kernels.HEADER :].reshape(-1, kernels.ROW)
+    rows[:, kernels.CORNERS : kernels.NORMAL] = stone.triangles.reshape(-1, 9)
+    rows[:, kernels.NORMAL : kernels.AREA] = stone.area_vectors / areas[:, None]
+    rows[:, kernels.AREA] = areas
+    return block
+
+
+def pack_states(x: Array, rotation: Array, velocity: Array, omega: Array) -> Array:
+    """States (n, 18) for the kernels from (n, 3), (n, 3, 3), (n, 3) and (n, 3), world frame."""
+    return np.hstack([x, rotation.reshape(-1, 9), velocity, omega])
+
+
+def observe(block: Array, states: Array) -> Array:
+    """Wrench (12), wetted area, its centroid (3) and clearance of every state: (n, 17)."""
+    out = np.empty((len(states), kernels.WRENCH + 5))
+    kernels.observe(block, states, out)
+    return out
+
+
+@cache
+def wrench_address() -> int:
+    """Address of the compiled kernel, void(block*, state*, out*): what both engines call."""
+    function = native(types.void(F8P, F8P, F8P))(kernels._entry)
+    _alive.append(function)
+    return address_of_cfunc(function)
+
+
+_alive: list[object] = []
+"""Compiled C functions, kept for the life of the process: others hold their addresses."""
+
+
+def _vector(name: str, value: npt.ArrayLike, size: int) -> Array:
+    array = np.asarray(value, dtype=np.float64)
+    if array.shape != (size,) or not np.isfinite(array).all():
+        raise ValueError(f"{name} is {value!r}: give {size} finite numbers")
+    return array

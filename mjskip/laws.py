@@ -1,0 +1,53 @@
+"""Force laws: what water does to one immersed face. Add a law by adding a row to `LAWS`.
+
+Every law of the literature on skipping stones is one formula with other coefficients,
+
+    F = -rho S [ (a (V.n)^2 + b U (V.n) + c U^2) n + d U^2 t ]
+
+S immersed area of the face, n its outward normal, V its velocity through the water at the centroid of
+the immersed part, U the speed of the stone's centre of mass, t the unit vector of the motion of the
+centre of mass along the face. U and t belong to the stone, not to the face: the rim of a spinning disc
+is fast in its own plane, and neither lift nor friction of these laws was measured on that motion.
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForceLaw:
+    """Dimensionless coefficients of the formula above.
+
+    Attributes:
+        normal_squared: a, of (V.n)^2.
+        speed_normal: b, of U (V.n).
+        speed_squared: c, of U^2 against the normal.
+        friction: d, of U^2 along the face.
+        source: where the law comes from.
+    """
+
+    normal_squared: float = 0.0
+    speed_normal: float = 0.0
+    speed_squared: float = 0.0
+    friction: float = 0.0
+    source: str
+
+
+LAWS: dict[str, ForceLaw] = {
+    "lee2010": ForceLaw(
+        normal_squared=1.0,
+        source="Lee & Baek, J. Korea Multimedia Society 13(9), 2010, equation (1)",
+    ),
+    "nagahiro2005": ForceLaw(
+        normal_squared=0.5 * 1.4,
+        source="Nagahiro & Hayakawa, Phys. Rev. Lett. 94:174501, 2005, C_D = 1.4",
+    ),
+    "rosellini2005": ForceLaw(
+        speed_normal=0.5,
+        source="Rosellini et al., J. Fluid Mech. 543:137, 2005, C_L = 0.5 sin(attack) a side",
+    ),
+    "bocquet2003": ForceLaw(
+        speed_squared=0.5,
+        friction=0.5,
+        source="Bocquet, Am. J. Phys. 71:150, 2003, C_l = C_f = 1",
+    ),
+}
