@@ -66,13 +66,13 @@ def stack_doubles(typingctx: Any, count: Any) -> Any:
 
 
 @intrinsic  # type: ignore[untyped-decorator]
-def load_word(typingctx: Any, address: Any) -> Any:
-    """The int64 at an address."""
+def as_words(typingctx: Any, address: Any) -> Any:
+    """Address of 64-bit integers as a pointer that indexes like a C array."""
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return builder.load(builder.inttoptr(args[0], ir.IntType(64).as_pointer()))
+        return builder.inttoptr(args[0], ir.IntType(64).as_pointer())
 
-    return types.int64(types.int64), codegen
+    return types.CPointer(types.int64)(types.int64), codegen
 
 
 def symbol(name: str, address: int) -> Any:

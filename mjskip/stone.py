@@ -178,7 +178,7 @@ class Stone:
             ValueError: density, mass or scale is not a positive number, or both are given.
         """
         check_positive(scale=scale)
-        mesh = _checked(_read(mesh), scale, fix_normals)
+        mesh = closed_mesh(_read(mesh), scale=scale, fix_normals=fix_normals)
         if density is not None and mass is not None:
             raise ValueError(f"both density {density!r} and mass {mass!r} are given: give one of them")
         if mass is not None:
@@ -240,7 +240,7 @@ def _read(mesh: Any) -> Any:
         raise MeshError(f"{path} cannot be read as a mesh: {error}") from error
 
 
-def _checked(mesh: Any, scale: float, fix_normals: bool) -> Any:
+def closed_mesh(mesh: Any, *, scale: float = 1.0, fix_normals: bool = False) -> Any:
     """A welded copy in metres, known to be closed, outward and solid.
 
     Raises:

@@ -1,0 +1,258 @@
+"""Kernels of the water surface: equations (5)-(8) of Lee & Baek (2010), repaired, float32, in place.
+
+With m = mu t / 2, r = (c t / d)^2 and the discrete Laplacian L (times d^2), the update is
+
+    z+ = z + q (z - z-) + s L(z),    q = (1 - m) / (1 + m),    s = r / (1 + m)
+
+which is equation (7) with its terms gathered so that the weights of a level surface cancel in
+floating point too. z+ is written over z-, so a step reads two grids and writes one.
+
+Layout: row 0 and the last row are ghosts, column `FIRST - 1` and the one after the last cell too.
+`FIRST` puts the first cell of every row on a 64-byte boundary, which the aligned loads need.
+"""
+
+import numpy as np
+import numpy.typing as npt
+
+from mjskip._jit import kernel
+
+Grid = npt.NDArray[np.float32]
+
+FIRST = 16
+"""Column of the first cell; with a row stride of a multiple of 16 every row starts aligned."""
+
+REFLECT, PERIODIC, OUTGOING = 0, 1, 2
+
+
+@kernel
+def step_nine(
+    z: Grid, prev: Grid, i0: int, i1: int, j0: int, j1: int, q: np.float32, s: np.float32, rows: Grid
+) -> None:
+    """prev = z + q (z - prev) + s L(z) in rows i0..i1, nine-point L.
+
+    L = [1 4 1; 4 -20 4; 1 4 1] / 6 = ([1 4 1]^T [1 4 1] - 36) / 6: the sums along a row are made
+    once and kept for the three rows that use them, in `rows` (3, at least j1 - j0).
+    """
+    n = j1 - j0
+    four = np.float32(4.0)
+    thirty_six = np.float32(36.0)
+    sixth = s / np.float32(6.0)
+    for i in range(i0 - 1, i0 + 1):
+        wide = z[i, j0 - 1 : j1 + 1]
+        below = rows[i % 3]
+        for j in range(n):
+            below[j] = (wide[j] + wide[j + 2]) + four * wide[j + 1]
+    for i in range(i0, i1):
+        wide = z[i + 1, j0 - 1 : j1 + 1]
+        here = z[i, j0:j1]
+        below, middle, above = rows[(i + 2) % 3], rows[i % 3], rows[(i + 1) % 3]
+        out = prev[i, j0:j1]
+        for j in range(n):
+            row = (wide[j] + wide[j + 2]) + four * wide[j + 1]
+            above[j] = row
+            level = here[j]
+            bend = ((below[j] + row) + four * middle[j]) - thirty_six * level
+            out[j] = (level + q * (level - out[j])) + sixth * bend
+
+
+@kernel
+def step_five(
+    z: Grid, prev: Grid, i0: int, i1: int, j0: int, j1: int, q: np.float32, s: np.float32, rows: Grid
+) -> None:
+    """prev = z + q (z - prev) + s L(z) in rows i0..i1, five-point L (`rows` is not used)."""
+    n = j1 - j0
+    four = np.float32(4.0)
+    for i in range(i0, i1):
+        below, here, above = z[i - 1, j0:j1], z[i, j0 - 1 : j1 + 1], z[i + 1, j0:j1]
+        out = prev[i, j0:j1]
+        for j in range(n):
+            level = here[j + 1]
+            bend = ((below[j] + above[j]) + (here[j] + here[j + 2])) - four * level
+            out[j] = (level + q * (level - out[j])) + s * bend
+
+
+@kernel
+def step_sponge(
+    z: Grid,
+    prev: Grid,
+    i0: int,
+    i1: int,
+    j0: int,
+    j1: int,
+    m: np.float32,
+    r: np.float32,
+    edge: np.float32,
+    corner: np.float32,
+    sponge_x: Grid,
+    sponge_y: Grid,
+) -> None:
+    """The same step where friction varies: m + sponge_x[i] + sponge_y[j], any L of nine weights.
+
+    `sponge_x`, `sponge_y` are indexed like the rows and columns of z and hold mu t / 2.
+    """
+    n = j1 - j0
+    one = np.float32(1.0)
+    four = np.float32(4.0)
+    for i in range(i0, i1):
+        below, here = z[i - 1, j0 - 1 : j1 + 1], z[i, j0 - 1 : j1 + 1]
+        above = z[i + 1, j0 - 1 : j1 + 1]
+        soft, out = sponge_y[j0:j1], prev[i, j0:j1]
+        friction_x = m + sponge_x[i]
+        for j in range(n):
+            level = here[j + 1]
+            friction = friction_x + soft[j]
+            edges = ((below[j + 1] + above[j + 1]) + (here[j] + here[j + 2])) - four * level
+            corners = ((below[j] + below[j + 2]) + (above[j] + above[j + 2])) - four * level
+            bend = r * (edge * edges + corner * corners)
+            out[j] = level + ((one - friction) * (level - out[j]) + bend) / (one + friction)
+
+
+@kernel
+def fill_ghosts(
+    z: Grid, prev: Grid, i1: int, j0: int, j1: int, boundary: int, outgoing: np.float32
+) -> None:
+    """Set the ghosts of z, cells being rows 1..i1 and columns j0..j1.
+
+    REFLECT mirrors about the cell's outer face: no flux through it, so volume is conserved.
+    PERIODIC copies from the other side. OUTGOING is the one-way wave equation z_t + c z_n = 0
+    (Mur 1981), z_ghost = z_in- + outgoing (z_in - z_ghost-), outgoing = (k - 1) / (k + 1), k = ct/d.
+    """
+    last = i1 - 1
+    right = j1 - 1
+    if boundary == OUTGOING:
+        for i in range(1, i1):
+            z[i, j0 - 1] = prev[i, j0] + outgoing * (z[i, j0] - prev[i, j0 - 1])
+            z[i, j1] = prev[i, right] + outgoing * (z[i, right] - prev[i, j1])
+        for j in range(j0, j1):
+            z[0, j] = prev[1, j] + outgoing * (z[1, j] - prev[0, j])
+            z[i1, j] = prev[last, j] + outgoing * (z[last, j] - prev[i1, j])
+        half = np.float32(0.5)
+        z[0, j0 - 1] = half * (z[0, j0] + z[1, j0 - 1])
+        z[0, j1] = half * (z[0, right] + z[1, j1])
+        z[i1, j0 - 1] = half * (z[i1, j0] + z[last, j0 - 1])
+        z[i1, j1] = half * (z[i1, right] + z[last, j1])
+        return
+    if boundary == PERIODIC:
+        for i in range(1, i1):
+            z[i, j0 - 1] = z[i, right]
+            z[i, j1] = z[i, j0]
+        z[0, j0 - 1 : j1 + 1] = z[last, j0 - 1 : j1 + 1]
+        z[i1, j0 - 1 : j1 + 1] = z[1, j0 - 1 : j1 + 1]
+        return
+    for i in range(1, i1):
+        z[i, j0 - 1] = z[i, j0]
+        z[i, j1] = z[i, right]
+    z[0, j0 - 1 : j1 + 1] = z[1, j0 - 1 : j1 + 1]
+    z[i1, j0 - 1 : j1 + 1] = z[last, j0 - 1 : j1 + 1]
+
+
+@kernel
+def fill_head(head: Grid, centre_x: float, centre_y: float, reach: float, volume: float) -> None:
+    """Pressure head of a round load: (1 - (r / reach)^2)^2 inside `reach`, its sum = `volume`.
+
+    Lengths are in cells and (centre_x, centre_y) is the centre in indices of `head`. The sum is
+    taken over the cells themselves, so the load is exact wherever the centre falls between them.
+    """
+    total = 0.0
+    scale = 1.0 / (reach * reach)
+    for i in range(head.shape[0]):
+        for j in range(head.shape[1]):
+            inside = 1.0 - ((i - centre_x) ** 2 + (j - centre_y) ** 2) * scale
+            if inside > 0.0:
+                head[i, j] = inside * inside
+                total += inside * inside
+            else:
+                head[i, j] = 0.0
+    head *= np.float32(volume / total)
+
+
+@kernel
+def add_head(
+    out: Grid,
+    head: Grid,
+    first_i: int,
+    first_j: int,
+    i1: int,
+    j0: int,
+    j1: int,
+    boundary: int,
+    edge: float,
+    corner: float,
+) -> None:
+    """out += edge-and-corner Laplacian of `head`, whose cell (0, 0) is cell (first_i, first_j).
+
+    Cells of the head that lie outside the grid are dropped (PERIODIC: they come in on the other
+    side); at the walls it is mirrored as the surface is, so that what is added sums to zero.
+    """
+    nx, ny = i1 - 1, j1 - j0
+    high, wide = head.shape
+    for a in range(-1, high + 1):
+        i = first_i + a - 1
+        if boundary != PERIODIC and not 0 <= i < nx:
+            continue
+        for b in range(-1, wide + 1):
+            j = first_j + b - j0
+            if boundary != PERIODIC and not 0 <= j < ny:
+                continue
+            total = 0.0
+            here = 0.0
+            if 0 <= a < high and 0 <= b < wide:
+                here = head[a, b]
+            for da in range(-1, 2):
+                for db in range(-1, 2):
+                    if da == 0 and db == 0:
+                        continue
+                    c, d = a + da, b + db
+                    if boundary != PERIODIC:
+                        c = min(max(i + da, 0), nx - 1) - i + a
+                        d = min(max(j + db, 0), ny - 1) - j + b
+                    there = 0.0
+                    if 0 <= c < high and 0 <= d < wide:
+                        there = head[c, d]
+                    total += (edge if da == 0 or db == 0 else corner) * (there - here)
+            out[1 + i % nx, j0 + j % ny] += np.float32(total)
+
+
+@kernel
+def sample_points(
+    z: Grid,
+    prev: Grid,
+    i1: int,
+    j0: int,
+    j1: int,
+    boundary: int,
+    at: npt.NDArray[np.float64],
+    spacing: float,
+    timestep: float,
+    out: npt.NDArray[np.float64],
+) -> None:
+    """Bilinear elevation, slopes and vertical speed at points given in cells, (n, 2) -> (n, 4).
+
+    Slopes are central differences at the cells, interpolated. Still water outside the grid.
+    """
+    nx, ny = i1 - 1, j1 - j0
+    for k in range(at.shape[0]):
+        x, y = at[k, 0], at[k, 1]
+        out[k] = 0.0
+        if not (-0.5 <= x <= nx - 0.5 and -0.5 <= y <= ny - 0.5):
+            continue
+        i, j = int(np.floor(x)), int(np.floor(y))
+        for di in range(2):
+            for dj in range(2):
+                weight = (x - i if di else 1.0 - x + i) * (y - j if dj else 1.0 - y + j)
+                a, b = i + di, j + dj
+                if boundary == PERIODIC:
+                    a, west, east = a % nx, (a - 1) % nx, (a + 1) % nx
+                    b, south, north = b % ny, (b - 1) % ny, (b + 1) % ny
+                else:
+                    west, east = min(max(a - 1, 0), nx - 1), min(max(a + 1, 0), nx - 1)
+                    south, north = min(max(b - 1, 0), ny - 1), min(max(b + 1, 0), ny - 1)
+                    a, b = min(max(a, 0), nx - 1), min(max(b, 0), ny - 1)
+                level = z[1 + a, j0 + b]
+                out[k, 0] += weight * level
+                out[k, 1] += weight * (z[1 + east, j0 + b] - z[1 + west, j0 + b])
+                out[k, 2] += weight * (z[1 + a, j0 + north] - z[1 + a, j0 + south])
+                out[k, 3] += weight * (level - prev[1 + a, j0 + b])
+        out[k, 1] /= 2.0 * spacing
+        out[k, 2] /= 2.0 * spacing
+        out[k, 3] = out[k, 3] / timestep if timestep > 0.0 else 0.0

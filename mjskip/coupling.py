@@ -1,0 +1,222 @@
+"""Water on the bodies of any MuJoCo model: `attach`."""
+
+from __future__ import annotations
+
+import ctypes
+import threading
+from collections import deque
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+from numba import types
+
+from mjskip import _control_kernels as tables
+from mjskip._jit import native
+from mjskip._native import address_of_cfunc
+from mjskip.bodies import body_name, body_stone, find_body, free_bodies
+from mjskip.errors import DivergedError, SceneError
+from mjskip.forces import Wrench, pack, wrench, wrench_address
+from mjskip.stone import Stone
+from mjskip.water import Water
+
+
+@dataclass(frozen=True, eq=False)
+class Coupling:
+    """Water that acts on bodies of one model while `attach` is open.
+
+    Attributes:
+        model: the model; its copies are strangers.
+        bodies: ids of the bodies the water acts on.
+        stones: what each of them is to the water, in the same order.
+        water: the fluid.
+    """
+
+    model: mujoco.MjModel
+    bodies: tuple[int, ...]
+    stones: tuple[Stone, ...]
+    water: Water
+    _entry: npt.NDArray[np.int64] = field(repr=False)
+    _kept: tuple[Any, ...] = field(repr=False)
+
+    def check(self) -> None:
+        """Raise if a force was not finite since `attach`.
+
+        Raises:
+            DivergedError: with the first such body and its time.
+        """
+        body = int(self._entry[tables.FAILED])
+        if body >= 0:
+            when = float(self._entry[tables.FAILURE_TIME : tables.FAILURE_TIME + 1].view(np.float64)[0])
+            name = body_name(self.model, body)
+            raise DivergedError(
+                f"the water's force on body {name!r} is not finite at t = {when:.6g} s: use a smaller "
+                "time step or a slower throw",
+                body=name,
+                time=when,
+            )
+
+    def wrench(self, data: mujoco.MjData, body: int) -> Wrench:
+        """Wrench of water and air on an attached body in the pose and motion of `data`."""
+        velocity = np.empty(6)
+        mujoco.mj_objectVelocity(self.model, data, mujoco.mjtObj.mjOBJ_BODY, body, velocity, 0)
+        return wrench(
+            self.stones[self.bodies.index(body)],
+            self.water,
+            position=data.xipos[body],
+            q=data.xquat[body],
+            velocity=velocity[3:],
+            omega=velocity[:3],
+        )
+
+
+@contextmanager
+def attach(
+    model: mujoco.MjModel,
+    data: mujoco.MjData | None = None,
+    *,
+    water: Water | None = None,
+    bodies: Sequence[str] | None = None,
+    geoms: Sequence[str] | None = None,
+    native: bool = True,
+) -> Iterator[Coupling]:
+    """Let still water (z = 0) and air act on bodies of a model for as long as the context is open.
+
+    The forces are worked out inside MuJoCo at every evaluation, RK4's sub-stages included, and assigned
+    to `xfrc_applied` of the attached bodies, for every MjData that is stepped with this very model:
+    also in `mujoco.rollout` and, after `batch.set_models(model)`, in `mujoco.batch.Batch`. What a user
+    (or a viewer's mouse) puts there for an attached body is overwritten; other bodies keep theirs.
+
+    Args:
+        model: compiled model. Its mass, inertia and geoms are read once, here.
+        data: its `xfrc_applied` of the attached bodies is put back at the end; may be None.
+        water: the fluid; `Water()` if omitted.
+        bodies: names of the bodies; all bodies with a free joint if None.
+        geoms: names of the geoms that water touches; all geoms of the bodies if None.
+        native: False installs a callback in plain Python, for teaching and tests: some hundred times
+            slower, and no model can be compiled, nor threads be used, while it is there.
+
+    Yields:
+        The coupling, whose `check()` raises if a force was not finite. Leaving the context does too.
+
+    Raises:
+        SceneError: no such body, a geom that is no solid, a model that silences callbacks, or one that is
+            attached already.
+        MeshError: a mesh geom is not closed.
+        DivergedError: on leaving, if a force was not finite.
+    """
+    coupling = _couple(model, water or Water(), bodies, geoms)
+    before = None if data is None else data.xfrc_applied[list(coupling.bodies)].copy()
+    remove = _install_native(coupling) if native else _install_python(coupling)
+    try:
+        yield coupling
+    finally:
+        remove()
+        if data is not None:
+            data.xfrc_applied[list(coupling.bodies)] = before
+    coupling.check()
+
+
+def _couple(
+    model: mujoco.MjModel, water: Water, bodies: Sequence[str] | None, geoms: Sequence[str] | None
+) -> Coupling:
+    if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_ACTUATION:
+        raise SceneError(
+            'this model says <flag actuation="disable"/>, which silences callbacks: remove it so that '
+            "water can act"
+        )
+    ids = free_bodies(model) if bodies is None else [find_body(model, name) for name in bodies]
+    if not ids:
+        raise SceneError("this model has no free body: give the stone a <freejoint/>, or name bodies=")
+    stones = [body_stone(model, body, geoms=geoms) for body in ids]
+    blocks = [pack(stone, water) for stone in stones]
+    frames = [np.array([*model.body_ipos[body], 1.0, 0.0, 0.0, 0.0]) for body in ids]
+    words = [model.nbody, len(ids), -1, 0]
+    for body, frame, block in zip(ids, frames, blocks, strict=True):
+        words += [body, frame.ctypes.data, block.ctypes.data]
+    return Coupling(
+        model=model,
+        bodies=tuple(ids),
+        stones=tuple(stones),
+        water=water,
+        _entry=np.array(words, dtype=np.int64),
+        _kept=(frames, blocks),
+    )
+
+
+_lock = threading.RLock()
+_attached: dict[int, Coupling] = {}
+_old_maps: deque[Any] = deque(maxlen=1000)
+"""Maps that a callback in another thread may still be reading; it does so for microseconds."""
+
+
+@cache
+def _callback() -> Any:
+    """The compiled callback and its address (first use compiles, about ten seconds, then cached)."""
+    tables.root[tables.WRENCH] = wrench_address()
+    function = native(types.void(types.int64, types.int64))(tables.control)
+    return function, address_of_cfunc(function)
+
+
+def _install_native(coupling: Coupling) -> Any:
+    slot = ctypes.c_void_p.in_dll(tables.library, "mjcb_control")
+    with _lock:
+        _, address = _callback()
+        _register(coupling)
+        if slot.value != address:  # chain to whoever was here; a nested attach finds itself
+            tables.root[tables.PREVIOUS] = slot.value or 0
+            slot.value = address
+
+    def remove() -> None:
+        with _lock:
+            del _attached[coupling.model._address]
+            _publish()
+            if not _attached and slot.value == address:
+                slot.value = int(tables.root[tables.PREVIOUS]) or None
+                tables.root[tables.PREVIOUS] = 0
+
+    return remove
+
+
+def _register(coupling: Coupling) -> None:
+    address = coupling.model._address
+    if address in _attached:
+        raise SceneError("this model is attached already: one attach() can name several bodies")
+    _attached[address] = coupling
+    _publish()
+
+
+def _publish() -> None:
+    """Make the map of attached models anew and let the callback see it."""
+    slots = max(4 * len(_attached), 1)
+    fresh = np.zeros(1 + 2 * slots, dtype=np.int64)
+    fresh[tables.SLOTS] = slots
+    for address, coupling in _attached.items():
+        k = (address >> 4) % slots
+        while fresh[tables.PAIRS + 2 * k]:
+            k = (k + 1) % slots
+        fresh[tables.PAIRS + 2 * k : tables.PAIRS + 2 * k + 2] = address, coupling._entry.ctypes.data
+    _old_maps.append((fresh, dict(_attached)))
+    tables.root[tables.MAP] = fresh.ctypes.data
+
+
+def _install_python(coupling: Coupling) -> Any:
+    previous = mujoco.get_mjcb_control()
+
+    def callback(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        if previous is not None:
+            previous(model, data)
+        if model._address != coupling.model._address:
+            return
+        for body in coupling.bodies:
+            found = coupling.wrench(data, body)
+            data.xfrc_applied[body, :3] = found.force + found.air_force
+            data.xfrc_applied[body, 3:] = found.torque + found.air_torque
+
+    mujoco.set_mjcb_control(callback)
+    return lambda: mujoco.set_mjcb_control(previous)

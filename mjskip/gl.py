@@ -1,0 +1,88 @@
+"""Which OpenGL draws: EGL unless the user says otherwise, and what it is called."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator
+from typing import Any
+
+from mjskip.errors import RenderError
+
+_SOFTWARE = ("llvmpipe", "softpipe", "swrast", "swiftshader", "software")
+
+_NO_EGL = (
+    "no EGL library to draw with: install it (Debian: apt install libegl1 libgl1-mesa-dri), or set "
+    "MUJOCO_GL to glfw or osmesa"
+)
+
+
+@contextlib.contextmanager
+def offscreen() -> Iterator[None]:
+    """Inside, MuJoCo makes its OpenGL contexts through EGL, which needs no display.
+
+    MuJoCo picks its backend once, from the variable MUJOCO_GL as it is first imported, and its own
+    default needs a display. A choice by the user in that variable is respected.
+
+    Raises:
+        RenderError: no OpenGL context can be made here.
+    """
+    # everything of MuJoCo's that touches GL is imported here: physics needs no EGL library
+    backend: Any = None
+    try:
+        if os.environ.get("MUJOCO_GL", "").strip() == "":
+            from mujoco.egl import GLContext
+            from mujoco.rendering.classic import gl_context as backend
+
+            chosen, backend.GLContext = backend.GLContext, GLContext
+        yield
+    except (ImportError, AttributeError) as error:  # what PyOpenGL raises without its library
+        raise RenderError(_NO_EGL) from error
+    except RenderError:
+        raise
+    except Exception as error:
+        if _is_gl_trouble(error):
+            raise RenderError(f"no OpenGL context can be made: {_line(error)}; {_NO_EGL}") from error
+        raise
+    finally:
+        if backend is not None:
+            backend.GLContext = chosen
+
+
+def gl_renderer() -> str:
+    """Name of what draws, as OpenGL gives it, for instance "llvmpipe (LLVM 19.1.7, 256 bits)".
+
+    Raises:
+        RenderError: no OpenGL context can be made here.
+    """
+    with offscreen():
+        from mujoco.rendering.classic import gl_context
+
+        context = gl_context.GLContext(16, 16)
+        try:
+            context.make_current()
+            from OpenGL import GL
+
+            name = GL.glGetString(GL.GL_RENDERER)
+        finally:
+            context.free()
+    if not name:
+        raise RenderError(f"the OpenGL context gives no name; {_NO_EGL}")
+    return str(name.decode(errors="replace"))
+
+
+def is_software(name: str) -> bool:
+    """Whether a renderer of this name draws on the processor instead of a graphics card."""
+    return any(word in name.lower() for word in _SOFTWARE)
+
+
+def _is_gl_trouble(error: Exception) -> bool:
+    module = type(error).__module__
+    text = str(error).lower()
+    return module.startswith("OpenGL") or any(
+        word in text for word in ("egl", "opengl", "gladload", "glfw", "osmesa", "framebuffer")
+    )
+
+
+def _line(error: Exception) -> str:
+    return str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__

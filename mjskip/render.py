@@ -1,0 +1,285 @@
+"""Draw what happened: replay a trajectory into pictures of the stone and the water it moved."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+from mjskip.errors import RenderError, SceneError
+from mjskip.gl import gl_renderer as gl_renderer
+from mjskip.gl import is_software as is_software
+from mjskip.gl import offscreen
+from mjskip.scene import Scene
+from mjskip.skin import Grid, Surface, WaterSkin, add_water
+from mjskip.trajectory import Trajectory
+from mjskip.video import (
+    Image,
+    Progress,
+    check_folder,
+    check_fps,
+    check_size,
+    check_video_path,
+    write_pngs,
+    write_video,
+)
+from mjskip.wake import Wake
+
+Array = npt.NDArray[np.float64]
+Flights = Trajectory | Mapping[str, Trajectory]
+"""The motion of the scene's chosen stone, or of several by the names of their bodies."""
+
+_HIDDEN = 5  # a geom group that MuJoCo does not draw by default
+_CELLS_PER_VERTEX = 1.5  # near the stone: finer shows nothing more at 640 x 480
+
+
+def render_video(
+    scene: Scene,
+    trajectory: Flights,
+    path: str | Path,
+    *,
+    camera: str = "side",
+    size: tuple[int, int] = (640, 480),
+    fps: float = 30.0,
+    progress: Progress | None = None,
+) -> Path:
+    """Write an h264 video of a throw at its own speed.
+
+    Args:
+        scene: where it was thrown.
+        trajectory: what the stone did; a mapping from body names when there are several stones.
+        path: .mp4, .mkv or .mov in a folder that exists.
+        camera: by its name in the scene.
+        size: width and height, even [pixels].
+        fps: frames per second.
+        progress: called with the frames done and to do.
+
+    Returns:
+        The path.
+
+    Raises:
+        ValueError: a size, rate, name or folder that cannot be used.
+        SceneError: the scene has no such camera or body.
+        RenderError: OpenGL or the encoder is missing or fails.
+    """
+    path = Path(path)
+    check_video_path(path)
+    images = frames(scene, trajectory, camera=camera, size=size, fps=fps)
+    with contextlib.closing(images):
+        return write_video(
+            images,
+            path,
+            size=size,
+            fps=fps,
+            total=len(frame_times(trajectory, fps=fps)),
+            progress=progress,
+        )
+
+
+def render_frames(
+    scene: Scene,
+    trajectory: Flights,
+    folder: str | Path,
+    *,
+    camera: str = "side",
+    size: tuple[int, int] = (640, 480),
+    fps: float = 30.0,
+    progress: Progress | None = None,
+) -> list[Path]:
+    """Write a throw as frame_0000.png and so on into a folder that exists; see `render_video`."""
+    folder = Path(folder)
+    check_folder(folder)
+    images = frames(scene, trajectory, camera=camera, size=size, fps=fps)
+    with contextlib.closing(images):
+        return write_pngs(
+            images, folder, total=len(frame_times(trajectory, fps=fps)), progress=progress
+        )
+
+
+def frames(
+    scene: Scene,
+    trajectory: Flights,
+    *,
+    camera: str = "side",
+    size: tuple[int, int] = (640, 480),
+    fps: float = 30.0,
+) -> Iterator[Image]:
+    """The pictures (height, width, 3) of a throw, one at a time; see `render_video`.
+
+    Rigid bodies are only placed, never stepped. The water starts still and gets back, between
+    pictures, what it gave to the stones.
+    """
+    check_size(size)
+    times = frame_times(trajectory, fps=fps)
+    flights = _by_body(scene, trajectory)
+    field = scene.field()
+    grid = Grid.around(step=_CELLS_PER_VERTEX * field.spacing)
+    stage = Stage(scene, flights, camera=camera, size=size, grid=grid)
+    # the stage opens here, not at the first picture: what is wrong shows before a file is begun
+    stage.open()
+    return _play(stage, field, Wake(field, list(flights.values()), density=scene.water.density), times)
+
+
+def _play(stage: Stage, field: Any, wake: Wake, times: Array) -> Iterator[Image]:
+    with contextlib.closing(stage):
+        wake.time = float(times[0])
+        for time in times:
+            wake.advance(float(time))
+            yield stage.draw(float(time), field)
+
+
+def frame_times(trajectory: Flights, *, fps: float = 30.0) -> Array:
+    """When the pictures of a throw are taken (n,) [s]: from its first row to its last."""
+    check_fps(fps)
+    several = list(trajectory.values()) if isinstance(trajectory, Mapping) else [trajectory]
+    if not several or any(len(one.time) == 0 for one in several):
+        raise ValueError("the trajectory has no rows: nothing to draw")
+    start = min(float(one.time[0]) for one in several)
+    stop = max(float(one.time[-1]) for one in several)
+    return start + np.arange(math.floor((stop - start) * fps + 1e-6) + 1) / fps
+
+
+def _by_body(scene: Scene, trajectory: Flights) -> dict[str, Trajectory]:
+    if isinstance(trajectory, Mapping):
+        return dict(trajectory)
+    return {scene.body: trajectory}
+
+
+class Stage:
+    """A scene made ready to draw: its own model with the water in it, a camera, a GL context."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        flights: Mapping[str, Trajectory],
+        *,
+        camera: str,
+        size: tuple[int, int],
+        grid: Grid,
+    ) -> None:
+        self._flights = dict(flights)
+        self._size = size
+        self._focus = scene.body if scene.body in self._flights else next(iter(self._flights))
+        spec = mujoco.MjSpec.from_file(str(scene.path))
+        add_water(spec, grid)
+        self.model = spec.compile()
+        self._camera = _camera(self.model, camera)
+        self._addresses = {name: _free_joint(self.model, name) for name in self._flights}
+        _hide_others(self.model, self._addresses)
+        wide, high = size
+        self.model.vis.global_.offwidth = max(wide, self.model.vis.global_.offwidth)
+        self.model.vis.global_.offheight = max(high, self.model.vis.global_.offheight)
+        self._skin = WaterSkin(self.model, grid)
+        self._data = mujoco.MjData(self.model)
+        self._camera_height = self._height_in_scene()
+        self._renderer: Any = None
+
+    def open(self) -> None:
+        """Make the GL context.
+
+        Raises:
+            RenderError: none can be made here.
+        """
+        with offscreen():
+            self._renderer = mujoco.Renderer(self.model, height=self._size[1], width=self._size[0])
+
+    def close(self) -> None:
+        """Free the GL context."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+    def draw(self, time: float, surface: Surface) -> Image:
+        """The picture (height, width, 3) of one moment [s]."""
+        if self._renderer is None:
+            raise RenderError("the stage is closed: open it before drawing")
+        for name, flight in self._flights.items():
+            position, attitude = pose_at(flight, time)
+            body = self.model.body(name)
+            at = self._addresses[name]
+            self._data.qpos[at : at + 3] = position - _rotated(body.ipos, attitude)
+            self._data.qpos[at + 3 : at + 7] = attitude
+        self._place()
+        if self._camera_height is not None:
+            self._data.cam_xpos[self._camera, 2] = self._camera_height
+        renderer = self._renderer
+        renderer.update_scene(self._data, camera=self._camera)
+        for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
+            renderer.scene.flags[flag] = 0  # each redraws everything; skins show neither
+        x, y, _ = pose_at(self._flights[self._focus], time)[0]
+        self._skin.draw(renderer.scene, surface, focus=(float(x), float(y)))
+        image: Image = renderer.render()
+        return image
+
+    def _place(self) -> None:
+        mujoco.mj_kinematics(self.model, self._data)
+        mujoco.mj_comPos(self.model, self._data)
+        mujoco.mj_camlight(self.model, self._data)
+
+    def _height_in_scene(self) -> float | None:
+        """A camera that follows a stone does so level: it neither bobs nor dives with it [m]."""
+        mode = self.model.cam_mode[self._camera]
+        if mode not in (mujoco.mjtCamLight.mjCAMLIGHT_TRACK, mujoco.mjtCamLight.mjCAMLIGHT_TRACKCOM):
+            return None
+        self._place()
+        return float(self._data.cam_xpos[self._camera, 2])
+
+
+def pose_at(flight: Trajectory, time: float) -> tuple[Array, Array]:
+    """Centre of mass (3,) [m] and orientation (4,) between two rows; held beyond the ends."""
+    after = int(np.clip(np.searchsorted(flight.time, time), 1, max(len(flight.time) - 1, 1)))
+    if len(flight.time) == 1:
+        return flight.x[0], flight.q[0]
+    earlier, later = flight.time[after - 1], flight.time[after]
+    share = min(max((time - earlier) / (later - earlier), 0.0), 1.0) if later > earlier else 1.0
+    before = flight.q[after - 1]
+    # q and -q are one attitude: blend the nearer pair
+    beyond = flight.q[after] * (1.0 if before @ flight.q[after] >= 0.0 else -1.0)
+    attitude = (1.0 - share) * before + share * beyond
+    position = (1.0 - share) * flight.x[after - 1] + share * flight.x[after]
+    return position, attitude / np.linalg.norm(attitude)
+
+
+def _rotated(vector: Array, attitude: Array) -> Array:
+    turned = np.empty(3)
+    mujoco.mju_rotVecQuat(turned, vector, attitude)
+    return turned
+
+
+def _camera(model: Any, name: str) -> int:
+    index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, name)
+    if index < 0:
+        known = [model.camera(k).name for k in range(model.ncam) if model.camera(k).name]
+        raise SceneError(
+            f"the scene has no camera {name!r}: "
+            + (f"use one of {', '.join(known)}" if known else "it has none with a name; add one")
+        )
+    return int(index)
+
+
+def _free_joint(model: Any, name: str) -> int:
+    """Where the pose of this body begins in qpos."""
+    body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)
+    free = [model.body(k).name for k in range(model.nbody) if _is_free(model, k)]
+    if body < 0 or not _is_free(model, body):
+        raise SceneError(f"the scene has no free body {name!r}: it has {', '.join(free) or 'none'}")
+    return int(model.jnt_qposadr[model.body_jntadr[body]])
+
+
+def _is_free(model: Any, body: int) -> bool:
+    joint = model.body_jntadr[body]
+    return bool(joint >= 0 and model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE)
+
+
+def _hide_others(model: Any, thrown: Mapping[str, int]) -> None:
+    """A stone that nobody throws would hang in the air."""
+    for geom in range(model.ngeom):
+        body = int(model.geom_bodyid[geom])
+        if _is_free(model, body) and model.body(body).name not in thrown:
+            model.geom_group[geom] = _HIDDEN

@@ -1,0 +1,150 @@
+"""Pictures into files: h264 video streamed to an encoder, or a folder of PNG."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from mjskip.errors import RenderError
+from mjskip.files import whole_file
+
+Image = npt.NDArray[np.uint8]
+"""One picture (height, width, 3), rows from the top."""
+
+Progress = Callable[[int, int], None]
+"""Called after each picture with how many are done and how many there will be."""
+
+_SUFFIXES = (".mp4", ".mkv", ".mov")
+_LARGEST = 4096  # [pixels]: the largest side of a common h264 level
+
+
+def check_size(size: tuple[int, int]) -> None:
+    """Raise ValueError for a (width, height) that h264 with 4:2:0 colour cannot hold."""
+    sides = tuple(size)
+    if len(sides) != 2 or any(int(n) != n or n % 2 or not 16 <= n <= _LARGEST for n in sides):
+        raise ValueError(
+            f"size is {size!r}: give width and height as even whole numbers from 16 to {_LARGEST}"
+        )
+
+
+def check_fps(fps: float) -> None:
+    """Raise ValueError for a frame rate nobody can watch."""
+    if not (math.isfinite(fps) and 1.0 <= fps <= 240.0):
+        raise ValueError(f"fps is {fps!r}: give a number of frames per second from 1 to 240")
+
+
+def check_folder(folder: Path) -> None:
+    """Raise ValueError if there is no such folder to write into."""
+    if not folder.is_dir():
+        raise ValueError(f"no folder {folder}: create it or choose one that exists")
+
+
+def check_video_path(path: Path) -> None:
+    """Raise ValueError if no video can be written under this name."""
+    if path.suffix.lower() not in _SUFFIXES:
+        raise ValueError(f"video name {path} ends in {path.suffix!r}: use {', '.join(_SUFFIXES)}")
+    if path.is_dir():
+        raise ValueError(f"video name {path} is a folder: give the name of a file")
+    check_folder(path.parent)
+
+
+def write_video(
+    images: Iterable[Image],
+    path: Path,
+    *,
+    size: tuple[int, int],
+    fps: float,
+    total: int,
+    progress: Progress | None = None,
+) -> Path:
+    """Encode pictures as they come; memory does not grow with their number.
+
+    The file appears under its name when it is whole: it is written beside it and renamed, and
+    nothing is left behind by an error or an interrupt.
+
+    Raises:
+        RenderError: the encoder is missing or fails.
+    """
+    check_video_path(path)
+    check_size(size)
+    check_fps(fps)
+    with whole_file(path) as part, _encoder(part, size, fps) as add:
+        for done, image in enumerate(images, start=1):
+            add(image)
+            if progress is not None:
+                progress(done, total)
+    return path
+
+
+def write_pngs(
+    images: Iterable[Image], folder: Path, *, total: int, progress: Progress | None = None
+) -> list[Path]:
+    """Write pictures as frame_0000.png, frame_0001.png, ... into a folder that exists."""
+    import mediapy
+
+    check_folder(folder)
+    width = max(4, len(str(total - 1)))
+    paths = []
+    for done, image in enumerate(images, start=1):
+        path = folder / f"frame_{done - 1:0{width}d}.png"
+        with whole_file(path) as part:
+            mediapy.write_image(part, image)
+        paths.append(path)
+        if progress is not None:
+            progress(done, total)
+    return paths
+
+
+def ffmpeg() -> str:
+    """Path of the encoder: the one that came with imageio-ffmpeg, so that none need be installed.
+
+    Raises:
+        RenderError: there is none.
+    """
+    import imageio_ffmpeg
+
+    try:
+        return str(imageio_ffmpeg.get_ffmpeg_exe())
+    except RuntimeError as error:
+        raise RenderError(
+            "no ffmpeg to encode video with: install it (Debian: apt install ffmpeg), or write "
+            "frames instead"
+        ) from error
+
+
+@contextlib.contextmanager
+def _encoder(path: Path, size: tuple[int, int], fps: float) -> Iterator[Callable[[Image], Any]]:
+    import mediapy
+
+    mediapy.set_ffmpeg(ffmpeg())
+    writer = mediapy.VideoWriter(
+        path,
+        (size[1], size[0]),
+        codec="h264",
+        fps=fps,
+        crf=18,
+        encoded_format="yuv420p",
+        ffmpeg_args="-preset veryfast -movflags +faststart",
+    )
+    try:
+        with contextlib.ExitStack() as unfinished:
+            writer.__enter__()
+            # after an error or an interrupt the encoder may be gone already: keep the first cause
+            unfinished.callback(_abandon, writer)
+            yield writer.add_image
+            unfinished.pop_all()
+            writer.close()
+    except (BrokenPipeError, RuntimeError) as error:
+        reason = str(error).strip().splitlines() or ["it ended early"]
+        raise RenderError(f"the video encoder failed: {reason[-1]}") from error
+
+
+def _abandon(writer: Any) -> None:
+    with contextlib.suppress(OSError, RuntimeError):
+        writer.close()
