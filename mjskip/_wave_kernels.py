@@ -1,4 +1,4 @@
-"""Kernels of the water surface: equations (5)-(8) of Lee & Baek (2010), repaired, float32, in place.
+"""Kernels of the water surface: equations (5)-(8) of Lee & Baek, repaired, float32, in place.
 
 With m = mu t / 2, r = (c t / d)^2 and the discrete Laplacian L (times d^2), the update is
 
@@ -26,7 +26,15 @@ REFLECT, PERIODIC, OUTGOING = 0, 1, 2
 
 @kernel
 def step_nine(
-    z: Grid, prev: Grid, i0: int, i1: int, j0: int, j1: int, q: np.float32, s: np.float32, rows: Grid
+    z: Grid,
+    prev: Grid,
+    i0: int,
+    i1: int,
+    j0: int,
+    j1: int,
+    q: np.float32,
+    s: np.float32,
+    rows: Grid,
 ) -> None:
     """prev = z + q (z - prev) + s L(z) in rows i0..i1, nine-point L.
 
@@ -57,7 +65,15 @@ def step_nine(
 
 @kernel
 def step_five(
-    z: Grid, prev: Grid, i0: int, i1: int, j0: int, j1: int, q: np.float32, s: np.float32, rows: Grid
+    z: Grid,
+    prev: Grid,
+    i0: int,
+    i1: int,
+    j0: int,
+    j1: int,
+    q: np.float32,
+    s: np.float32,
+    rows: Grid,
 ) -> None:
     """prev = z + q (z - prev) + s L(z) in rows i0..i1, five-point L (`rows` is not used)."""
     n = j1 - j0
@@ -114,8 +130,9 @@ def fill_ghosts(
     """Set the ghosts of z, cells being rows 1..i1 and columns j0..j1.
 
     REFLECT mirrors about the cell's outer face: no flux through it, so volume is conserved.
-    PERIODIC copies from the other side. OUTGOING is the one-way wave equation z_t + c z_n = 0
-    (Mur 1981), z_ghost = z_in- + outgoing (z_in - z_ghost-), outgoing = (k - 1) / (k + 1), k = ct/d.
+    PERIODIC copies from the other side. OUTGOING is the one-way wave equation z_t + c z_n = 0,
+    z_ghost = z_in- + outgoing (z_in - z_ghost-) with outgoing = (k - 1) / (k + 1), k = c t / d
+    (G. Mur, IEEE Trans. EMC 23:377, 1981).
     """
     last = i1 - 1
     right = j1 - 1

@@ -1,47 +1,40 @@
-"""The water surface: Lee & Baek's damped wave equation on a grid, driven by loads that press on it."""
+"""The water surface: Lee & Baek's damped wave equation on a grid, driven by loads."""
 
 import math
 import os
-from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
 
 from mjskip import _wave_kernels as kernels
-
-Stencil = Literal["nine_point", "five_point", "paper_eq8"]
-Boundary = Literal["reflect", "absorb", "periodic"]
-STENCILS: tuple[Stencil, ...] = get_args(Stencil)
-BOUNDARIES: tuple[Boundary, ...] = get_args(Boundary)
+from mjskip._grid import (
+    aligned_zeros,
+    checked_finite,
+    checked_name,
+    checked_number,
+    checked_shape,
+    positions,
+    refuse_if_too_large,
+)
+from mjskip._stencil import (
+    BOUNDARIES,
+    COURANT_LIMITS,
+    SAFE_FRACTION,
+    SPONGE_CELLS,
+    STENCILS,
+    WEIGHTS,
+    Boundary,
+    Stencil,
+    paper_limit,
+    reach_of,
+    sponge,
+    unstable,
+)
 
 FloatArray = npt.NDArray[np.float64]
 SurfaceArray = npt.NDArray[np.float32]
-
-WEIGHTS: dict[Stencil, tuple[float, float]] = {
-    "nine_point": (2.0 / 3.0, 1.0 / 6.0),
-    "five_point": (1.0, 0.0),
-    "paper_eq8": (2.0 / 3.0, 1.0 / 3.0),
-}
-"""Weights of the edge and the corner neighbours."""
-
-COURANT_LIMITS: dict[Stencil, float] = {
-    "nine_point": math.sqrt(3.0) / 2.0,
-    "five_point": 1.0 / math.sqrt(2.0),
-    "paper_eq8": math.sqrt(3.0) / 2.0,
-}
-"""Largest stable c t / d for any damping (von Neumann); no step is stable for `paper_eq8`."""
-
-SPONGE_CELLS = 32
-"""Width of the layer of growing friction outside an absorbing field."""
-
-SPONGE_STRENGTH = 6.0
-"""Integral of the layer's friction over its width, in units of c: e^-6 in amplitude, there and back."""
-
-NARROWEST_LOAD = 1.5
-"""Radius of the narrowest load, in cells: a narrower one would excite waves the grid cannot carry."""
 
 CELLS_PER_THREAD = 1 << 20
 """Below this many cells a second thread costs more than it saves."""
@@ -106,12 +99,12 @@ class HeightField:
         Raises:
             ValueError: an argument is out of range, or the grid does not fit into memory.
         """
-        self.shape = _checked_shape(shape)
-        self.spacing = _checked_number("spacing", spacing, "m", positive=True)
-        self.wave_speed = _checked_number("wave_speed", wave_speed, "m/s", positive=True)
-        self.damping = _checked_number("damping", damping, "1/s")
-        self.stencil: Stencil = _checked_name("stencil", stencil, STENCILS)
-        self.boundary: Boundary = _checked_name("boundary", boundary, BOUNDARIES)
+        self.shape = checked_shape(shape)
+        self.spacing = checked_number("spacing", spacing, "m", positive=True)
+        self.wave_speed = checked_number("wave_speed", wave_speed, "m/s", positive=True)
+        self.damping = checked_number("damping", damping, "1/s")
+        self.stencil: Stencil = checked_name("stencil", stencil, STENCILS)
+        self.boundary: Boundary = checked_name("boundary", boundary, BOUNDARIES)
         if len(centre) != 2 or not all(math.isfinite(value) for value in centre):
             raise ValueError(f"centre is {centre!r}: give two finite numbers, (x, y) [m]")
         self.centre = (float(centre[0]), float(centre[1]))
@@ -128,14 +121,16 @@ class HeightField:
         self._z = aligned_zeros(nx + 2, stride)
         self._prev = aligned_zeros(nx + 2, stride)
         self._rows = [aligned_zeros(3, stride) for _ in range(self._threads)]
+        rate = self.wave_speed / self.spacing if self._margin else 0.0
+        self._sponge = (sponge(nx, 1, nx + 2, rate), sponge(ny, self._j0, stride, rate))
         self._pool: tuple[int, ThreadPoolExecutor] | None = None
         self._loads: list[tuple[SurfaceArray, int, int]] = []
         self._last_timestep = 0.0
         self.time = 0.0
         """Simulated time [s]."""
-        self.x: FloatArray = self.centre[0] + (np.arange(shape[0]) - (shape[0] - 1) / 2) * spacing
+        self.x: FloatArray = positions(self.shape[0], self.centre[0], self.spacing)
         """(nx,) positions of the cells along x [m]."""
-        self.y: FloatArray = self.centre[1] + (np.arange(shape[1]) - (shape[1] - 1) / 2) * spacing
+        self.y: FloatArray = positions(self.shape[1], self.centre[1], self.spacing)
         """(ny,) positions of the cells along y [m]."""
 
     # What the water is like ---------------------------------------------------------------------
@@ -161,9 +156,7 @@ class HeightField:
     @property
     def paper_max_timestep(self) -> float:
         """What equation (9), c < (d / 2t) sqrt(mu t + 2), would allow [s]: too much if mu > 0."""
-        rate = (self.wave_speed / self.spacing) ** 2
-        mu = self.damping
-        return (mu + math.sqrt(mu * mu + 32.0 * rate)) / (8.0 * rate)
+        return paper_limit(self.spacing, self.wave_speed, self.damping)
 
     def volume(self) -> float:
         """Water above the still level minus water missing below it [m^3]."""
@@ -221,12 +214,11 @@ class HeightField:
         Raises:
             ValueError: an argument is not finite, or radius, density or gravity is not positive.
         """
-        for name, value in (("x", x), ("y", y), ("force", force)):
-            if not math.isfinite(value):
-                raise ValueError(f"{name} is {value!r}: give a finite number")
-        for name, value in (("radius", radius), ("density", density), ("gravity", gravity)):
-            if not (math.isfinite(value) and value > 0.0):
-                raise ValueError(f"{name} is {value!r}: give a finite number above 0")
+        checked_finite("m", x=x, y=y)
+        checked_finite("N", force=force)
+        checked_number("radius", radius, "m", positive=True)
+        checked_number("density", density, "kg/m^3", positive=True)
+        checked_number("gravity", gravity, "m/s^2", positive=True)
         head_volume = force / (density * gravity * self.spacing**2)
         patch = self._round_patch(x, y, radius, head_volume)
         if patch is not None and force != 0.0:
@@ -243,10 +235,9 @@ class HeightField:
         Raises:
             ValueError: an argument is not finite, or radius is not positive.
         """
-        if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(height)):
-            raise ValueError(f"x, y, height are {x!r}, {y!r}, {height!r}: give finite numbers [m]")
-        _checked_number("radius", radius, "m", positive=True)
-        reach = math.sqrt(2.0) * max(radius / self.spacing, NARROWEST_LOAD)
+        checked_finite("m", x=x, y=y, height=height)
+        checked_number("radius", radius, "m", positive=True)
+        reach = reach_of(radius, self.spacing)
         east, north = (self.x[:, None] - x) / self.spacing, (self.y[None, :] - y) / self.spacing
         profile = np.maximum(1.0 - (east**2 + north**2) / reach**2, 0.0) ** 2
         bump = (height * profile).astype(np.float32)
@@ -272,11 +263,7 @@ class HeightField:
         if not (math.isfinite(timestep) and timestep > 0.0):
             raise ValueError(f"the water's time step is {timestep!r} s: give a number above 0")
         if timestep > self.max_timestep:
-            raise ValueError(
-                f"the water's time step of {timestep:.6g} s is unstable: use at most "
-                f"{self.max_timestep:.6g} s (equation (9) would allow "
-                f"{self.paper_max_timestep:.6g} s), a larger spacing, or advance()"
-            )
+            raise ValueError(unstable(timestep, self.max_timestep, self.paper_max_timestep))
         self._step(timestep)
         self._loads.clear()
 
@@ -291,8 +278,7 @@ class HeightField:
         """
         if not (math.isfinite(duration) and duration >= 0.0):
             raise ValueError(f"duration is {duration!r} s: give a number of at least 0")
-        # A hundredth below the limit, where rounding cannot make the shortest waves grow.
-        steps = math.ceil(duration / (0.99 * self.max_timestep))
+        steps = math.ceil(duration / (SAFE_FRACTION * self.max_timestep))
         for _ in range(steps):
             self._step(duration / steps)
         if steps:
@@ -321,7 +307,7 @@ class HeightField:
         self, x: float, y: float, radius: float, volume: float
     ) -> tuple[SurfaceArray, int, int] | None:
         """A round head of this volume [cells x m] and its first cell; None if it is all outside."""
-        reach = math.sqrt(2.0) * max(radius / self.spacing, NARROWEST_LOAD)
+        reach = reach_of(radius, self.spacing)
         at_x = (x - float(self.x[0])) / self.spacing + self._margin
         at_y = (y - float(self.y[0])) / self.spacing + self._margin
         nx, ny = self._i1 - 1, self._j1 - self._j0
@@ -347,15 +333,10 @@ class HeightField:
         )  # fmt: skip
         if timestep != self._last_timestep:
             self._retime(timestep)
-        if self._margin:
-            self._sweep_with_sponge(m, r, timestep)
-        else:
-            self._sweep((1.0 - m) / (1.0 + m), r / (1.0 + m))
-        if self.stencil == "paper_eq8":
-            # The printed centre weight, -4/(mu t + 2) - 10/3 xi, less the one the kernel used.
-            xi = r / (1.0 + m)
-            cells = np.s_[1 : self._i1, self._j0 : self._j1]
-            self._prev[cells] += np.float32(-4.0 / (1.0 + m) + 2.0 / 3.0 * xi) * self._z[cells]
+        if self.stencil != "paper_eq8":
+            self._sweep((1.0 - m) / (1.0 + m), r / (1.0 + m), self._margin)
+        if self._margin or self.stencil == "paper_eq8":
+            self._sweep_slowly(m, r, timestep)
         self._z, self._prev = self._prev, self._z
         edge, corner = (weight * r / (1.0 + m) for weight in WEIGHTS[self.stencil])
         for head, i, j in self._loads:
@@ -369,23 +350,23 @@ class HeightField:
     def _retime(self, timestep: float) -> None:
         """Replace the previous level by the one a step of this size would have come from.
 
-        With v = (z - z-)/t0 half an old step ago and a = c^2 L - mu v, the level one new step ago is
-        z - t1 (v + a t0/2) + a t1^2/2: the kernel's own form with other coefficients. Water that
-        has not moved yet (t0 = 0) starts at rest: z + a t1^2 / 2.
+        With v = (z - z-)/t0 half an old step ago and a = c^2 L - mu v, the level one new step ago
+        is z - t1 (v + a t0/2) + a t1^2/2: the kernel's own form with other coefficients. Water
+        that has not moved yet (t0 = 0) starts at rest: z + a t1^2 / 2.
         """
         t0, t1 = self._last_timestep, timestep
         gain = 0.5 * t1 * (t1 - t0)
         backwards = -t1 / t0 - self.damping * gain / t0 if t0 > 0.0 else 0.0
-        self._sweep(backwards, gain * (self.wave_speed / self.spacing) ** 2)
+        self._sweep(backwards, gain * (self.wave_speed / self.spacing) ** 2, 0)
 
-    def _sweep(self, q: float, s: float) -> None:
-        """prev = z + q (z - prev) + s L(z) over all cells, in bands of rows shared by threads."""
+    def _sweep(self, q: float, s: float, margin: int) -> None:
+        """prev = z + q (z - prev) + s L(z) inside the margin, rows shared by threads."""
         sweep = kernels.step_five if self.stencil == "five_point" else kernels.step_nine
-        cuts = np.linspace(1, self._i1, self._threads + 1).astype(int).tolist()
+        cuts = np.linspace(1 + margin, self._i1 - margin, self._threads + 1).astype(int).tolist()
 
         def band(k: int) -> None:
             sweep(
-                self._z, self._prev, cuts[k], cuts[k + 1], self._j0, self._j1,
+                self._z, self._prev, cuts[k], cuts[k + 1], self._j0 + margin, self._j1 - margin,
                 np.float32(q), np.float32(s), self._rows[k],
             )  # fmt: skip
 
@@ -398,3 +379,27 @@ class HeightField:
         band(0)
         for other in others:
             other.result()
+
+    def _sweep_slowly(self, m: float, r: float, timestep: float) -> None:
+        """The same step for the absorbing margin, or everywhere for the stencil as printed."""
+        i1, j0, j1, margin = self._i1, self._j0, self._j1, self._margin
+        frame = [
+            (1, 1 + margin, j0, j1),
+            (i1 - margin, i1, j0, j1),
+            (1 + margin, i1 - margin, j0, j0 + margin),
+            (1 + margin, i1 - margin, j1 - margin, j1),
+        ]
+        printed = self.stencil == "paper_eq8"
+        edge, corner = WEIGHTS[self.stencil]
+        friction = np.float32(0.5 * timestep)
+        for rows in [(1, i1, j0, j1)] if printed else frame:
+            kernels.step_sponge(
+                self._z, self._prev, *rows, np.float32(m), np.float32(r),
+                np.float32(edge), np.float32(corner),
+                friction * self._sponge[0], friction * self._sponge[1],
+            )  # fmt: skip
+        if printed:
+            # The printed centre weight, -4/(mu t + 2) - 10/3 xi, less the one the kernel used.
+            cells = np.s_[1:i1, j0:j1]
+            excess = -4.0 / (1.0 + m) + 2.0 / 3.0 * r / (1.0 + m)
+            self._prev[cells] += np.float32(excess) * self._z[cells]

@@ -1,0 +1,76 @@
+"""How the wave equation is put on a grid: stencils, their stability limits, the absorbing layer."""
+
+import math
+from typing import Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+Stencil = Literal["nine_point", "five_point", "paper_eq8"]
+Boundary = Literal["reflect", "absorb", "periodic"]
+STENCILS: tuple[Stencil, ...] = get_args(Stencil)
+BOUNDARIES: tuple[Boundary, ...] = get_args(Boundary)
+
+WEIGHTS: dict[Stencil, tuple[float, float]] = {
+    "nine_point": (2.0 / 3.0, 1.0 / 6.0),
+    "five_point": (1.0, 0.0),
+    "paper_eq8": (2.0 / 3.0, 1.0 / 3.0),
+}
+"""Weights of the edge and the corner neighbours."""
+
+COURANT_LIMITS: dict[Stencil, float] = {
+    "nine_point": math.sqrt(3.0) / 2.0,
+    "five_point": 1.0 / math.sqrt(2.0),
+    "paper_eq8": math.sqrt(3.0) / 2.0,
+}
+"""Largest stable c t / d for any damping (von Neumann); no step is stable for `paper_eq8`."""
+
+SAFE_FRACTION = 0.99
+"""Steps chosen here stay this far below the limit, where rounding cannot make short waves grow."""
+
+NARROWEST_LOAD = 1.5
+"""Radius of the narrowest load in cells: a narrower one excites waves the grid cannot carry."""
+
+SPONGE_CELLS = 32
+"""Width of the layer of growing friction outside an absorbing field."""
+
+SPONGE_STRENGTH = 6.0
+"""Integral of the layer's friction over its width / c: e^-6 in amplitude, there and back."""
+
+
+def paper_limit(spacing: float, wave_speed: float, damping: float) -> float:
+    """Largest step by equation (9), c < (d / 2t) sqrt(mu t + 2) [s]: too generous for mu > 0."""
+    rate = (wave_speed / spacing) ** 2
+    return (damping + math.sqrt(damping * damping + 32.0 * rate)) / (8.0 * rate)
+
+
+def unstable(timestep: float, limit: float, paper: float) -> str:
+    """The line that refuses a time step."""
+    return (
+        f"the water's time step of {timestep:.6g} s is unstable: use at most {limit:.6g} s "
+        f"(equation (9) would allow {paper:.6g} s), a larger spacing, or advance()"
+    )
+
+
+def reach_of(radius: float, spacing: float) -> float:
+    """Cells from the centre of a round load to its rim.
+
+    The profile (1 - (r / reach)^2)^2 with reach = sqrt(2) R has the second moment of a disc of R.
+    """
+    return math.sqrt(2.0) * max(radius / spacing, NARROWEST_LOAD)
+
+
+def sponge(cells: int, first: int, length: int, rate: float) -> npt.NDArray[np.float32]:
+    """(length,) friction [1/s] that grows as depth^2 over the margin on either side of `cells`.
+
+    Args:
+        cells: number of them, margins included.
+        first: index of the first.
+        length: of the result; 0 outside the cells.
+        rate: c / d [1/s]; 0 for no margin.
+    """
+    index = np.arange(length) - first
+    depth = np.maximum(SPONGE_CELLS - index, index - (cells - 1 - SPONGE_CELLS)) / SPONGE_CELLS
+    depth = np.where((index < 0) | (index >= cells), 0.0, np.maximum(depth, 0.0))
+    friction = 3.0 * SPONGE_STRENGTH / SPONGE_CELLS * rate * depth**2
+    return friction.astype(np.float32)
