@@ -13,11 +13,11 @@ def _span(left, right, count):  # type: ignore[no-untyped-def]
 
 @kernel
 def box_means(  # type: ignore[no-untyped-def]
-    elevation, spacing, x_edges, y_edges, row_height, row_slope, height, x_slope, y_slope
+    elevation, spacing, x_boxes, y_boxes, row_height, row_slope, height, x_slope, y_slope
 ):
     """Mean height and slope of the surface over the box of cells that each vertex stands for.
 
-    A vertex (i, j) stands for x_edges[i] <= u <= x_edges[i + 1] and likewise along y, in units of
+    A vertex (i, j) stands for x_boxes[i, 0] <= u <= x_boxes[i, 1] and likewise along y, in units of
     cells: cell k fills k <= u <= k + 1. Cells count by the share of them inside the box, so waves
     finer than the drawn mesh fade instead of turning into others; outside the field the water is
     still. Slopes are central differences of the full grid (one-sided at its edges), averaged alike.
@@ -25,8 +25,8 @@ def box_means(  # type: ignore[no-untyped-def]
     Args:
         elevation: (nx, ny) [m].
         spacing: side of a cell [m].
-        x_edges: (vx + 1,) ascending [cells].
-        y_edges: (vy + 1,) ascending [cells].
+        x_boxes: (vx, 2) borders [cells].
+        y_boxes: (vy, 2) borders [cells].
         row_height: scratch (ny,).
         row_slope: scratch (ny,).
         height: out (vx, vy) [m].
@@ -36,7 +36,7 @@ def box_means(  # type: ignore[no-untyped-def]
     nx, ny = elevation.shape
     vx, vy = height.shape
     for i in range(vx):
-        left, right = x_edges[i], x_edges[i + 1]
+        left, right = x_boxes[i, 0], x_boxes[i, 1]
         first, last = _span(left, right, nx)
         for k in range(ny):
             row_height[k] = 0.0
@@ -49,7 +49,7 @@ def box_means(  # type: ignore[no-untyped-def]
                 row_height[k] += weight * elevation[a, k]
                 row_slope[k] += rise * (elevation[after, k] - elevation[before, k])
         for j in range(vy):
-            low, high = y_edges[j], y_edges[j + 1]
+            low, high = y_boxes[j, 0], y_boxes[j, 1]
             start, stop = _span(low, high, ny)
             mean = 0.0
             along_x = 0.0

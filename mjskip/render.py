@@ -36,7 +36,7 @@ Flights = Trajectory | Mapping[str, Trajectory]
 """The motion of the scene's chosen stone, or of several by the names of their bodies."""
 
 _HIDDEN = 5  # a geom group that MuJoCo does not draw by default
-_CELLS_PER_VERTEX = 1.5  # near the stone: finer shows nothing more at 640 x 480
+_CELLS_PER_VERTEX = 1.0  # near the stone
 
 
 def render_video(
@@ -224,8 +224,8 @@ class Stage:
 
     def _height_in_scene(self) -> float | None:
         """A camera that follows a stone does so level: it neither bobs nor dives with it [m]."""
-        mode = self.model.cam_mode[self._camera]
-        if mode not in (mujoco.mjtCamLight.mjCAMLIGHT_TRACK, mujoco.mjtCamLight.mjCAMLIGHT_TRACKCOM):
+        following = mujoco.mjtCamLight.mjCAMLIGHT_TRACK, mujoco.mjtCamLight.mjCAMLIGHT_TRACKCOM
+        if int(self.model.cam_mode[self._camera]) not in map(int, following):
             return None
         self._place()
         return float(self._data.cam_xpos[self._camera, 2])

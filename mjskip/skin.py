@@ -17,7 +17,7 @@ VERTICES = 125 * 125
 """Most vertices drawn: more are smaller than a pixel at 640 x 480 and cost their share."""
 
 _HORIZON = 250.0  # [m]: at eye height of a metre the last of it is a fraction of a pixel high
-_OUTER = 8  # vertices a side from the edge of what is looked at to the horizon
+_OUTER = 14  # vertices a side from the edge of what is looked at to the horizon
 _ANCHOR = "mjskip water"
 
 
@@ -48,7 +48,7 @@ class Grid:
     step: float
 
     @classmethod
-    def around(cls, *, step: float, shape: tuple[int, int] = (161, 97)) -> Grid:
+    def around(cls, *, step: float, shape: tuple[int, int] = (125, 125)) -> Grid:
         """Even in the middle, then slowly coarser, then leaping to the horizon.
 
         Args:
@@ -67,10 +67,10 @@ class Grid:
 
 
 def _graded(count: int, step: float) -> Array:
-    """Symmetric distances (count,) [m]: half even, half growing by 4 %, a last few to the horizon."""
+    """Symmetric distances (count,) [m]: a third even, then growing by 6 %, a last few to the horizon."""
     inner = (count - 1) // 2 - _OUTER
-    even = inner // 2
-    growth = 1.04 ** np.maximum(np.arange(inner) - even, 0.0)
+    even = inner // 3
+    growth = 1.06 ** np.maximum(np.arange(inner) - even, 0.0)
     near = np.cumsum(step * growth)
     ratio = (_HORIZON / near[-1]) ** (1.0 / _OUTER)
     far = near[-1] * ratio ** np.arange(1, _OUTER + 1)
@@ -128,8 +128,8 @@ class WaterSkin:
         box_means(
             surface.elevation,
             surface.spacing,
-            _edges(x, surface.centre[0], surface.spacing, nx),
-            _edges(y, surface.centre[1], surface.spacing, ny),
+            _boxes(x, surface.centre[0], surface.spacing, nx),
+            _boxes(y, surface.centre[1], surface.spacing, ny),
             self._scratch[0],
             self._scratch[1],
             self._height,
@@ -147,8 +147,13 @@ class WaterSkin:
         )
 
 
-def _edges(axis: Array, centre: float, spacing: float, count: int) -> Array:
-    """Borders (n + 1,) of the boxes around vertices on this axis, in cells from the field's edge."""
-    middles = 0.5 * (axis[1:] + axis[:-1])
-    borders = np.concatenate([[2.0 * axis[0] - middles[0]], middles, [2.0 * axis[-1] - middles[-1]]])
+def _boxes(axis: Array, centre: float, spacing: float, count: int) -> Array:
+    """Borders (n, 2) of the boxes that vertices on this axis stand for, in cells from the field's edge.
+
+    They reach from neighbour to neighbour, each point being in two of them: what is shaded then
+    bends over two vertices at least, and triangles do not show.
+    """
+    ends = [2.0 * axis[0] - axis[1]], [2.0 * axis[-1] - axis[-2]]
+    around = np.concatenate([ends[0], axis, ends[1]])
+    borders = np.column_stack([around[:-2], around[2:]])
     return np.asarray((borders - centre) / spacing + 0.5 * count)

@@ -16,7 +16,7 @@ Array = npt.NDArray[np.float64]
 SLICE = 2e-3
 """Longest time over which one mean load stands for a touch [s]: two centimetres at 10 m/s."""
 
-_FOOTPRINT = 0.25  # smallest radius of a load, in cells: a touch begins with no wetted area
+_FOOTPRINT = 1.0  # smallest radius of a load, in cells: a touch begins with no wetted area
 
 
 class Loaded(Protocol):
@@ -27,7 +27,7 @@ class Loaded(Protocol):
 
     def press(self, x: float, y: float, *, force: float, radius: float, density: float) -> None: ...
 
-    def advance(self, duration: float) -> None: ...
+    def advance(self, duration: float) -> object: ...
 
 
 def give_back(
