@@ -17,7 +17,7 @@ import numpy.typing as npt
 from numba import types
 
 from mjskip import _control_kernels as tables
-from mjskip._jit import native
+from mjskip._jit import native as compile_native
 from mjskip._native import address_of_cfunc
 from mjskip.bodies import body_name, body_stone, find_body, free_bodies
 from mjskip.errors import DivergedError, SceneError
@@ -159,7 +159,7 @@ _old_maps: deque[Any] = deque(maxlen=1000)
 def _callback() -> Any:
     """The compiled callback and its address (first use compiles, about ten seconds, then cached)."""
     tables.root[tables.WRENCH] = wrench_address()
-    function = native(types.void(types.int64, types.int64))(tables.control)
+    function = compile_native(types.void(types.int64, types.int64))(tables.control)
     return function, address_of_cfunc(function)
 
 

@@ -1,0 +1,213 @@
+"""Scenes: an MJCF model and the water, lake and throw settings it carries in <custom>.
+
+A setting is a <numeric> or <text> named `mjskip.<setting>`, in SI units and radians, as MuJoCo's own
+`filament.*` settings are. A throw setting with a body's name behind it (`mjskip.spin.still`) is for that
+body alone.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from mjskip.bodies import body_name, body_stone, find_body, free_bodies
+from mjskip.errors import SceneError
+from mjskip.stone import Stone
+from mjskip.throw import Throw
+from mjskip.water import Water
+from mjskip.waves import HeightField
+
+PREFIX = "mjskip."
+WATER = {field.name for field in fields(Water)}
+FIELD = {"shape", "spacing", "wave_speed", "damping", "stencil", "boundary", "centre"}
+THROW = {field.name for field in fields(Throw)}
+TEXTS = {"gate", "law", "stencil", "boundary"}
+PAIRS = {"shape", "centre"}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Scene:
+    """A compiled model with its settings.
+
+    Attributes:
+        path: the MJCF file.
+        model: as compiled; not to be altered.
+        body: name of the stone that is asked about.
+        water: the fluid.
+        lake: arguments of the scene's `HeightField`.
+        throws: the throw of every free body, by name.
+        own: names of the throw settings that the scene gives to single bodies, by body.
+    """
+
+    path: Path
+    model: mujoco.MjModel
+    body: str
+    water: Water
+    lake: Mapping[str, Any]
+    throws: Mapping[str, Throw]
+    own: Mapping[str, frozenset[str]]
+
+    @property
+    def throw(self) -> Throw:
+        """The throw of the chosen body."""
+        return self.throws[self.body]
+
+    @cached_property
+    def stones(self) -> Mapping[str, Stone]:
+        """Every free body as a stone, by name."""
+        return {name: body_stone(self.model, find_body(self.model, name)) for name in self.throws}
+
+    @property
+    def stone(self) -> Stone:
+        """The chosen body as a stone."""
+        return self.stones[self.body]
+
+    def field(self) -> HeightField:
+        """A fresh water surface with this scene's settings."""
+        return HeightField(**self.lake)
+
+    def rethrow(self, **changes: float) -> Scene:
+        """This scene with other throw settings, SI and radians.
+
+        The chosen body takes them all; the others keep what the scene gives to them alone.
+
+        Raises:
+            ValueError: a value is out of range.
+        """
+        return replace(
+            self,
+            throws={
+                name: replace(
+                    throw,
+                    **{
+                        key: value
+                        for key, value in changes.items()
+                        if name == self.body or key not in self.own.get(name, ())
+                    },
+                )
+                for name, throw in self.throws.items()
+            },
+        )
+
+
+def shipped_scenes() -> dict[str, Path]:
+    """The scenes that come with the package, by name."""
+    here = Path(__file__).parent
+    for folder in (here / "models", here.parent / "models"):  # installed; a checkout
+        found = {path.stem: path for path in sorted(folder.glob("*.xml"))}
+        if found:
+            return found
+    return {}
+
+
+def load_scene(path: str | os.PathLike[str] = "lake", *, body: str | None = None) -> Scene:
+    """Load a scene from an MJCF file, or by the name of a shipped one.
+
+    Args:
+        path: a file, or a name in `shipped_scenes()`.
+        body: name of the stone; the first free body if None.
+
+    Raises:
+        SceneError: the file is missing, does not compile, has no free body, lacks `body`, or has a
+            setting that is unknown or out of range.
+        MeshError: a stone's mesh is not closed.
+    """
+    file = _find(path)
+    try:
+        model = mujoco.MjModel.from_xml_path(str(file))
+    except ValueError as error:
+        reason = " ".join(str(error).split())
+        raise SceneError(f"{file} does not compile as MJCF: {reason}") from error
+    names = [body_name(model, b) for b in free_bodies(model)]
+    if not names:
+        raise SceneError(f"{file} has no free body: give the stone a <freejoint/>")
+    if body is not None and body not in names:
+        raise SceneError(f"{file} has no free body {body!r}: it has {', '.join(names)}")
+    settings = _settings(model, file, names)
+    try:
+        scene = Scene(
+            path=file,
+            model=model,
+            body=body or names[0],
+            water=Water(**{k: v for k, v in settings.items() if k in WATER}),
+            lake={k: v for k, v in settings.items() if k in FIELD},
+            throws={
+                name: Throw(**_one(settings, name))
+                for name in names
+            },
+            own={name: frozenset(k for k in THROW if f"{k}.{name}" in settings) for name in names},
+        )
+    except ValueError as error:
+        raise SceneError(f"{file}: {error}") from error
+    _ = scene.stones  # refuse open meshes here rather than in the middle of a run
+    return scene
+
+
+def _find(path: str | os.PathLike[str]) -> Path:
+    file = Path(path)
+    if file.is_file():
+        return file
+    shipped = shipped_scenes()
+    if str(path) in shipped:
+        return shipped[str(path)]
+    if file.is_dir():
+        raise SceneError(f"scene {file} is a folder: give an MJCF file")
+    raise SceneError(
+        f"no scene {str(path)!r}: give an MJCF file, or one of the shipped scenes: {', '.join(shipped)}"
+    )
+
+
+def _settings(model: mujoco.MjModel, file: Path, bodies: list[str]) -> dict[str, Any]:
+    """Every `mjskip.*` setting of a model, checked for name, kind and number of values."""
+    single = {f"{key}.{name}" for key in THROW for name in bodies}
+    known = WATER | FIELD | THROW | single
+    found: dict[str, Any] = {}
+    entries: list[tuple[str, Any]] = [
+        (model.numeric(k).name, model.numeric(k).data.tolist()) for k in range(model.nnumeric)
+    ]
+    for k in range(model.ntext):
+        first, size = model.text_adr[k], model.text_size[k]
+        text = bytes(model.text_data[first : first + size]).rstrip(b"\0").decode()
+        entries.append((mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_TEXT, k), text))
+    for name, value in entries:
+        if not name.startswith(PREFIX):
+            continue
+        key = name.removeprefix(PREFIX)
+        if key not in known:
+            listed = ", ".join(PREFIX + k for k in sorted(WATER | FIELD | THROW))
+            raise SceneError(
+                f"{file}: unknown setting {name!r}; known are {listed}, and throw settings with "
+                f".<body> behind them (bodies: {', '.join(bodies)})"
+            )
+        found[key] = _value(key, value, file)
+    return found
+
+
+def _one(settings: Mapping[str, Any], body: str) -> dict[str, Any]:
+    """The throw settings of one body: its own before the scene's."""
+    common = {key: settings[key] for key in THROW if key in settings}
+    return common | {key: settings[f"{key}.{body}"] for key in THROW if f"{key}.{body}" in settings}
+
+
+def _value(key: str, value: Any, file: Path) -> Any:
+    if key in TEXTS:
+        if not isinstance(value, str):
+            raise SceneError(f"{file}: {PREFIX}{key} is a <numeric>: give it as a <text>")
+        return value
+    if not isinstance(value, list):
+        raise SceneError(f"{file}: {PREFIX}{key} is a <text>: give it as a <numeric>")
+    want = 2 if key in PAIRS else 1
+    if len(value) != want:
+        raise SceneError(f"{file}: {PREFIX}{key} has {len(value)} values: give {want}")
+    if key == "shape":
+        if any(v != np.floor(v) for v in value):
+            raise SceneError(f"{file}: {PREFIX}shape is {value}: give two whole numbers of cells")
+        return tuple(int(v) for v in value)
+    return tuple(value) if want == 2 else value[0]
