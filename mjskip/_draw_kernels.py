@@ -2,19 +2,26 @@
 
 import math
 
+import numpy as np
+import numpy.typing as npt
+
 from mjskip._jit import kernel
 
+Array = npt.NDArray[np.float64]
+SingleArray = npt.NDArray[np.float32]
+
 
 @kernel
-def _span(left, right, count):  # type: ignore[no-untyped-def]
+def _span(left: float, right: float, count: int) -> tuple[int, int]:
     """First and one past the last cell touched by [left, right], clipped to the field."""
-    return max(0, int(math.floor(left))), min(count, int(math.ceil(right)))
+    return max(0, math.floor(left)), min(count, math.ceil(right))
 
 
 @kernel
-def box_means(  # type: ignore[no-untyped-def]
-    elevation, spacing, x_boxes, y_boxes, row_height, row_slope, height, x_slope, y_slope
-):
+def box_means(
+    elevation: SingleArray, spacing: float, x_boxes: Array, y_boxes: Array,
+    row_height: Array, row_slope: Array, height: Array, x_slope: Array, y_slope: Array,
+) -> None:  # fmt: skip
     """Mean height and slope of the surface over the box of cells that each vertex stands for.
 
     A vertex (i, j) stands for x_boxes[i, 0] <= u <= x_boxes[i, 1] and likewise along y, in units of
@@ -60,8 +67,10 @@ def box_means(  # type: ignore[no-untyped-def]
                     below, above = max(b - 1, 0), min(b + 1, ny - 1)
                     mean += weight * row_height[b]
                     along_x += weight * row_slope[b]
-                    along_y += weight * (row_height[above] - row_height[below]) / (
-                        (above - below) * spacing
+                    along_y += (
+                        weight
+                        * (row_height[above] - row_height[below])
+                        / ((above - below) * spacing)
                     )
             height[i, j] = mean
             x_slope[i, j] = along_x
@@ -69,7 +78,10 @@ def box_means(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def fill_skin(x, y, height, x_slope, y_slope, vertices, normals):  # type: ignore[no-untyped-def]
+def fill_skin(
+    x: Array, y: Array, height: Array, x_slope: Array, y_slope: Array,
+    vertices: SingleArray, normals: SingleArray,
+) -> None:  # fmt: skip
     """World positions and unit normals (-z_x, -z_y, 1)/|.| of a mesh over the axes x and y.
 
     Args:

@@ -12,7 +12,7 @@ from mjskip.errors import RenderError
 _SOFTWARE = ("llvmpipe", "softpipe", "swrast", "swiftshader", "software")
 
 _NO_EGL = (
-    "no EGL library to draw with: install it (Debian: apt install libegl1 libgl1-mesa-dri), or set "
+    "install the EGL library (Debian: apt install libegl1 libgl1-mesa-dri), or set "
     "MUJOCO_GL to glfw or osmesa"
 )
 
@@ -29,20 +29,24 @@ def offscreen() -> Iterator[None]:
     """
     # everything of MuJoCo's that touches GL is imported here: physics needs no EGL library
     backend: Any = None
+    chosen: Any = None
     try:
         if os.environ.get("MUJOCO_GL", "").strip() == "":
             from mujoco.egl import GLContext
-            from mujoco.rendering.classic import gl_context as backend
+            from mujoco.rendering.classic import gl_context
 
-            chosen, backend.GLContext = backend.GLContext, GLContext
+            backend, chosen = gl_context, gl_context.GLContext
+            backend.GLContext = GLContext
         yield
     except (ImportError, AttributeError) as error:  # what PyOpenGL raises without its library
-        raise RenderError(_NO_EGL) from error
+        raise RenderError(f"no EGL library to draw with: {_NO_EGL}") from error
     except RenderError:
         raise
     except Exception as error:
         if _is_gl_trouble(error):
-            raise RenderError(f"no OpenGL context can be made: {_line(error)}; {_NO_EGL}") from error
+            raise RenderError(
+                f"no OpenGL context can be made: {_line(error)}; {_NO_EGL}"
+            ) from error
         raise
     finally:
         if backend is not None:
@@ -61,13 +65,13 @@ def gl_renderer() -> str:
         context = gl_context.GLContext(16, 16)
         try:
             context.make_current()
-            from OpenGL import GL
+            from OpenGL import GL  # type: ignore[import-untyped, unused-ignore]
 
             name = GL.glGetString(GL.GL_RENDERER)
         finally:
             context.free()
     if not name:
-        raise RenderError(f"the OpenGL context gives no name; {_NO_EGL}")
+        raise RenderError(f"the OpenGL context does not work: {_NO_EGL}")
     return str(name.decode(errors="replace"))
 
 

@@ -38,7 +38,7 @@ class Limits:
 
     duration: float = 5.0
     min_airtime: float = 0.010
-    max_contact: float = 1.0
+    max_contact: float = 0.5
     sink_depth: float = 4.0
     rest_speed: float = 0.005
     rest_time: float = 0.2

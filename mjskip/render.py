@@ -6,7 +6,7 @@ import contextlib
 import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
@@ -16,7 +16,6 @@ from mjskip.errors import RenderError, SceneError
 from mjskip.gl import gl_renderer as gl_renderer
 from mjskip.gl import is_software as is_software
 from mjskip.gl import offscreen
-from mjskip.scene import Scene
 from mjskip.skin import Grid, Surface, WaterSkin, add_water
 from mjskip.trajectory import Trajectory
 from mjskip.video import (
@@ -31,12 +30,15 @@ from mjskip.video import (
 )
 from mjskip.wake import Wake
 
+if TYPE_CHECKING:
+    from mjskip.scene import Scene
+
 Array = npt.NDArray[np.float64]
 Flights = Trajectory | Mapping[str, Trajectory]
 """The motion of the scene's chosen stone, or of several by the names of their bodies."""
 
 _HIDDEN = 5  # a geom group that MuJoCo does not draw by default
-_CELLS_PER_VERTEX = 1.0  # near the stone
+_STEP = 0.3  # of the stone's radius: between vertices near it, if the water's cells are no larger
 
 
 def render_video(
@@ -119,11 +121,14 @@ def frames(
     times = frame_times(trajectory, fps=fps)
     flights = _by_body(scene, trajectory)
     field = scene.field()
-    grid = Grid.around(step=_CELLS_PER_VERTEX * field.spacing)
+    body = scene.body if scene.body in flights else next(iter(flights))
+    grid = Grid.around(step=max(field.spacing, _STEP * _radius(scene.model, body)))
     stage = Stage(scene, flights, camera=camera, size=size, grid=grid)
     # the stage opens here, not at the first picture: what is wrong shows before a file is begun
     stage.open()
-    return _play(stage, field, Wake(field, list(flights.values()), density=scene.water.density), times)
+    return _play(
+        stage, field, Wake(field, list(flights.values()), density=scene.water.density), times
+    )
 
 
 def _play(stage: Stage, field: Any, wake: Wake, times: Array) -> Iterator[Image]:
@@ -275,6 +280,13 @@ def _free_joint(model: Any, name: str) -> int:
 def _is_free(model: Any, body: int) -> bool:
     joint = model.body_jntadr[body]
     return bool(joint >= 0 and model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE)
+
+
+def _radius(model: Any, name: str) -> float:
+    """Of the largest geom of a body [m]."""
+    body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)
+    radii = model.geom_rbound[model.geom_bodyid == body]
+    return float(max(radii, default=0.0))
 
 
 def _hide_others(model: Any, thrown: Mapping[str, int]) -> None:

@@ -7,6 +7,8 @@ import math
 import os
 import time
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, replace
 from importlib.metadata import version
 from typing import Any, Literal, get_args
@@ -196,7 +198,7 @@ def _by_mujoco(
     logs = {name: Log(name, stone, scene.water, limits) for name, stone in scene.stones.items()}
     done = 0
     qpos, qvel = np.empty((CHUNK, model.nq)), np.empty((CHUNK, model.nv))
-    with attach(model, data, water=scene.water, bodies=list(scene.stones)) as coupling:
+    with _unlogged(), attach(model, data, water=scene.water, bodies=list(scene.stones)) as coupling:
         count = 1
         qpos[0], qvel[0] = data.qpos, data.qvel
         while True:
@@ -245,6 +247,17 @@ class _FreeBody:
         omega = np.einsum("nij,nj->ni", rotation, omega_body)
         arm = rotation @ self._centre
         return pack_states(position + arm, rotation, velocity + np.cross(omega, arm), omega)
+
+
+@contextmanager
+def _unlogged() -> Iterator[None]:
+    """Keep MuJoCo from printing, and writing to a log file here, what is raised as an error."""
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda _: None)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
 
 
 def _check_warnings(data: mujoco.MjData) -> None:

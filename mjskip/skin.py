@@ -86,7 +86,9 @@ def add_water(spec: Any, grid: Grid, *, material: str = "water") -> None:
     nx, ny = len(grid.x), len(grid.y)
     count = nx * ny
     index = np.arange(count, dtype=np.int32).reshape(nx, ny)
-    a, b, c, d = (part.ravel() for part in (index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]))
+    a, b, c, d = (
+        part.ravel() for part in (index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:])
+    )
     vertices = np.zeros((count, 3), dtype=np.float32)
     vertices[:, 0] = np.repeat(grid.x, ny)
     vertices[:, 1] = np.tile(grid.y, nx)

@@ -41,18 +41,21 @@ class Throw:
         attack: tilt of the stone's face to the water, nose up [rad].
         descent: angle of the path below the horizontal [rad].
         bank: tilt to the side, positive when the upper normal leans left of the heading [rad].
+        wobble: angular velocity across the axis, nose rising for negative values, as after an unclean
+            release [rad/s].
         height: of the stone's lowest point above still water [m]; at 0 it touches as it is let go.
 
     Raises:
         ValueError: a value is not finite or outside what can be thrown.
     """
 
-    speed: float = 11.0
-    spin: float = 20.0 * 2.0 * math.pi
+    speed: float = 12.0
+    spin: float = 15.0 * 2.0 * math.pi
     attack: float = math.radians(20.0)
-    descent: float = math.radians(8.0)
+    descent: float = math.radians(6.0)
     bank: float = 0.0
-    height: float = 0.2
+    wobble: float = 0.0
+    height: float = 0.3
 
     def __post_init__(self) -> None:
         quarter = 0.5 * math.pi
@@ -62,6 +65,7 @@ class Throw:
             "attack": (-quarter, quarter, "degrees", 180.0 / math.pi),
             "descent": (-quarter, quarter, "degrees", 180.0 / math.pi),
             "bank": (-quarter, quarter, "degrees", 180.0 / math.pi),
+            "wobble": (-1e4 * 2.0 * math.pi, 1e4 * 2.0 * math.pi, "rev/s", 0.5 / math.pi),
             "height": (0.0, 1000.0, "m", 1.0),
         }
         for name, (low, high, unit, shown) in allowed.items():
@@ -78,20 +82,22 @@ class Throw:
     def from_degrees(
         cls,
         *,
-        speed: float = 11.0,
-        spin: float = 20.0,
+        speed: float = 12.0,
+        spin: float = 15.0,
         attack: float = 20.0,
-        descent: float = 8.0,
+        descent: float = 6.0,
         bank: float = 0.0,
-        height: float = 0.2,
+        wobble: float = 0.0,
+        height: float = 0.3,
     ) -> Throw:
-        """The same throw with angles in degrees and spin in revolutions per second."""
+        """The same throw with angles in degrees, spin and wobble in revolutions per second."""
         return cls(
             speed=speed,
             spin=spin * 2.0 * math.pi,
             attack=math.radians(attack),
             descent=math.radians(descent),
             bank=math.radians(bank),
+            wobble=wobble * 2.0 * math.pi,
             height=height,
         )
 
@@ -99,10 +105,14 @@ class Throw:
         """The stone as it leaves the hand above (x, y) [m]."""
         rotation = released(stone.disc_normal, self.attack, self.bank)
         lowest = float((stone.vertices @ rotation[2]).min())
+        normal = rotation @ stone.disc_normal
+        across = np.cross(normal, [1.0, 0.0, 0.0])  # to the left of the heading, in the disc's plane
+        if np.linalg.norm(across) < 1e-9:
+            across = np.array([0.0, 1.0, 0.0])
         heading = np.array([math.cos(self.descent), 0.0, -math.sin(self.descent)])
         return State(
             position=np.array([x, y, self.height - lowest]),
             q=quaternions(rotation[None])[0],
             velocity=self.speed * heading,
-            omega=self.spin * (rotation @ stone.disc_normal),
+            omega=self.spin * normal + self.wobble * across / np.linalg.norm(across),
         )

@@ -51,9 +51,7 @@ def give_back(
     """
     if impulse != 0.0 and density > 0.0:
         radius = max(math.sqrt(wetted_area / math.pi), _FOOTPRINT * field.spacing)
-        field.press(
-            centre[0], centre[1], force=impulse / duration, radius=radius, density=density
-        )
+        field.press(centre[0], centre[1], force=impulse / duration, radius=radius, density=density)
 
 
 class Wake:
@@ -121,7 +119,9 @@ class _Load:
         passed = int(np.searchsorted(self._changes, now + 1e-12, side="right"))
         change = float(self._changes[passed]) if passed < len(self._changes) else until
         wet = self._starts_wet ^ (passed % 2 == 1)
-        return min(change, now + SLICE, until) if wet and now < self._time[-1] else min(change, until)
+        return (
+            min(change, now + SLICE, until) if wet and now < self._time[-1] else min(change, until)
+        )
 
     def between(self, start: float, stop: float) -> tuple[float, tuple[float, float], float]:
         """Impulse [N s], its mean place (x, y) [m] and mean wetted area [m^2] over an interval."""
