@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Generator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -111,7 +111,7 @@ def frames(
     camera: str = "side",
     size: tuple[int, int] = (640, 480),
     fps: float = 30.0,
-) -> Iterator[Image]:
+) -> Generator[Image, None, None]:
     """The pictures (height, width, 3) of a throw, one at a time; see `render_video`.
 
     Rigid bodies are only placed, never stepped. The water starts still and gets back, between
@@ -126,12 +126,11 @@ def frames(
     stage = Stage(scene, flights, camera=camera, size=size, grid=grid)
     # the stage opens here, not at the first picture: what is wrong shows before a file is begun
     stage.open()
-    return _play(
-        stage, field, Wake(field, list(flights.values()), density=scene.water.density), times
-    )
+    wake = Wake(field, list(flights.values()), density=scene.water.density)
+    return _play(stage, field, wake, times)
 
 
-def _play(stage: Stage, field: Any, wake: Wake, times: Array) -> Iterator[Image]:
+def _play(stage: Stage, field: Any, wake: Wake, times: Array) -> Generator[Image, None, None]:
     with contextlib.closing(stage):
         wake.time = float(times[0])
         for time in times:

@@ -67,7 +67,7 @@ class Grid:
 
 
 def _graded(count: int, step: float) -> Array:
-    """Symmetric distances (count,) [m]: a third even, then growing by 6 %, a last few to the horizon."""
+    """Symmetric distances (count,) [m]: a third even, then 6 % wider each, a few to the horizon."""
     inner = (count - 1) // 2 - _OUTER
     even = inner // 3
     growth = 1.06 ** np.maximum(np.arange(inner) - even, 0.0)
@@ -86,9 +86,8 @@ def add_water(spec: Any, grid: Grid, *, material: str = "water") -> None:
     nx, ny = len(grid.x), len(grid.y)
     count = nx * ny
     index = np.arange(count, dtype=np.int32).reshape(nx, ny)
-    a, b, c, d = (
-        part.ravel() for part in (index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:])
-    )
+    corners = index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]
+    a, b, c, d = (corner.ravel() for corner in corners)
     vertices = np.zeros((count, 3), dtype=np.float32)
     vertices[:, 0] = np.repeat(grid.x, ny)
     vertices[:, 1] = np.tile(grid.y, nx)
@@ -150,7 +149,7 @@ class WaterSkin:
 
 
 def _boxes(axis: Array, centre: float, spacing: float, count: int) -> Array:
-    """Borders (n, 2) of the boxes that vertices on this axis stand for, in cells from the field's edge.
+    """Borders (n, 2) of the boxes that vertices on an axis stand for, in cells from the edge.
 
     They reach from neighbour to neighbour, each point being in two of them: what is shaded then
     bends over two vertices at least, and triangles do not show.

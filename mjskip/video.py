@@ -132,19 +132,32 @@ def _encoder(path: Path, size: tuple[int, int], fps: float) -> Iterator[Callable
         encoded_format="yuv420p",
         ffmpeg_args="-preset veryfast -movflags +faststart",
     )
+    writer.__enter__()
+    process = writer._popen  # mediapy leaves it running when it raises
     try:
-        with contextlib.ExitStack() as unfinished:
-            writer.__enter__()
-            # after an error or an interrupt the encoder may be gone already: keep the first cause
-            unfinished.callback(_abandon, writer)
-            yield writer.add_image
-            unfinished.pop_all()
-            writer.close()
-    except (BrokenPipeError, RuntimeError) as error:
-        reason = str(error).strip().splitlines() or ["it ended early"]
-        raise RenderError(f"the video encoder failed: {reason[-1]}") from error
-
-
-def _abandon(writer: Any) -> None:
-    with contextlib.suppress(OSError, RuntimeError):
+        yield writer.add_image
         writer.close()
+    except (BrokenPipeError, RuntimeError) as error:
+        if not isinstance(error, BrokenPipeError) and process.poll() is None:
+            raise  # not the encoder's: it still runs
+        said = f"{error}\n{_last_words(process)}".strip().splitlines()
+        raise RenderError(f"the video encoder failed: {said[-1]}") from error
+    finally:
+        _end(process)
+
+
+def _last_words(process: Any) -> str:
+    """What a process that ended has left to say; nothing if it was read before."""
+    with contextlib.suppress(OSError, ValueError):
+        return str(process.stderr.read().decode(errors="replace"))
+    return ""
+
+
+def _end(process: Any) -> None:
+    """Wait for an encoder that finished, stop one that did not, and close its pipes."""
+    if process.poll() is None:
+        process.kill()
+    for pipe in (process.stdin, process.stderr):
+        with contextlib.suppress(OSError):
+            pipe.close()
+    process.wait()

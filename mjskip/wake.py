@@ -119,9 +119,9 @@ class _Load:
         passed = int(np.searchsorted(self._changes, now + 1e-12, side="right"))
         change = float(self._changes[passed]) if passed < len(self._changes) else until
         wet = self._starts_wet ^ (passed % 2 == 1)
-        return (
-            min(change, now + SLICE, until) if wet and now < self._time[-1] else min(change, until)
-        )
+        if wet and now < self._time[-1]:
+            return min(change, now + SLICE, until)
+        return min(change, until)
 
     def between(self, start: float, stop: float) -> tuple[float, tuple[float, float], float]:
         """Impulse [N s], its mean place (x, y) [m] and mean wetted area [m^2] over an interval."""
