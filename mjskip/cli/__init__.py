@@ -1,0 +1,73 @@
+"""The command line: degrees and revolutions per second here, SI and radians everywhere else."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from importlib import import_module
+from typing import Any
+
+import click
+
+from mjskip.errors import DivergedError, MjskipError, MjskipWarning
+
+COMMANDS = {
+    "run": "Throw the stone of a scene; print its skips, draw a video.",
+    "compare": "The same throw by MuJoCo and by the pure integrator, over a ladder of time steps.",
+    "info": "Versions, OpenGL renderer, ffmpeg, threads, shipped scenes.",
+}
+"""Each is a module of this package with a click command of the same name."""
+
+
+class _Group(click.Group):
+    """Imports a command's module when it is asked for: help stays quick."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in COMMANDS:
+            return None
+        command: click.Command = getattr(import_module(f"mjskip.cli.{cmd_name}"), cmd_name)
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+
+@click.group(cls=_Group, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="mjskip")
+def cli() -> None:
+    """Skip stones on MuJoCo: a water surface for rigid bodies."""
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run a command and exit: 0 well, 1 the run diverged, 2 bad input, 130 interrupted."""
+    warnings.simplefilter("always", MjskipWarning)
+    warnings.showwarning = _show_warning
+    try:
+        code = cli.main(arguments, prog_name="mjskip", standalone_mode=False)
+    except click.exceptions.NoArgsIsHelpError as error:
+        click.echo(error.format_message())
+        code = 0
+    except click.UsageError as error:
+        command = error.ctx.command_path if error.ctx else "mjskip"
+        code = _fail(f"{error.format_message()} See {command} --help.", 2)
+    except (click.Abort, KeyboardInterrupt):
+        code = _fail("interrupted", 130)
+    except DivergedError as error:
+        code = _fail(str(error), 1)
+    except (MjskipError, ValueError) as error:
+        code = _fail(" ".join(str(error).split()), 2)
+    sys.exit(code or 0)
+
+
+def _fail(message: str, code: int) -> int:
+    click.echo(f"mjskip: {message}", err=True)
+    return code
+
+
+def _show_warning(message: Any, category: Any, *_rest: Any, **_named: Any) -> None:
+    kind = "warning" if issubclass(category, MjskipWarning) else category.__name__
+    click.echo(f"mjskip: {kind}: {message}", err=True)

@@ -1,0 +1,73 @@
+"""Options that several commands share, and what is made of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, TypeVar
+
+import click
+
+from mjskip.laws import LAWS
+from mjskip.scene import Scene, load_scene
+from mjskip.water import GATES
+
+F = TypeVar("F", bound=Callable[..., Any])
+TURN = 2.0 * math.pi
+DEGREE = math.pi / 180.0
+
+THROW = {  # option: (unit at the command line, factor to SI, help)
+    "speed": ("M/S", 1.0, "Speed of the throw."),
+    "spin": ("REV/S", TURN, "Spin, counter-clockwise seen from above."),
+    "attack": ("DEGREES", DEGREE, "Tilt of the stone's face to the water, nose up."),
+    "descent": ("DEGREES", DEGREE, "Angle of the path below the horizontal."),
+    "bank": ("DEGREES", DEGREE, "Tilt to the side; positive leans left."),
+    "wobble": ("REV/S", TURN, "Turning across the axis, as after an unclean release."),
+    "height": ("M", 1.0, "Height of the lowest point above still water at release."),
+}
+
+
+def throw_options(function: F) -> F:
+    """The scene, the stone, its throw and its water: together, what `chosen_scene` takes."""
+    decorators = [
+        click.argument("scene", default="lake"),
+        click.option("--body", metavar="NAME", help="Stone to follow.  [default: the first]"),
+        *(
+            click.option(f"--{name}", type=float, metavar=unit, help=f"{text}  [default: the scene's]")
+            for name, (unit, _, text) in THROW.items()
+        ),
+        click.option("--law", type=click.Choice(list(LAWS)), help="Force law.  [default: the scene's]"),
+        click.option(
+            "--gate", type=click.Choice(GATES), help="Which wet faces are loaded.  [default: the scene's]"
+        ),
+    ]
+    for decorator in reversed(decorators):
+        function = decorator(function)
+    return function
+
+
+def chosen_scene(
+    scene: str, body: str | None, law: str | None, gate: str | None, **throw: float | None
+) -> Scene:
+    """The scene with what was asked for at the command line."""
+    loaded = load_scene(scene, body=body)
+    given = {name: value * THROW[name][1] for name, value in throw.items() if value is not None}
+    loaded = loaded.rethrow(**given)
+    water = {key: value for key, value in (("law", law), ("gate", gate)) if value is not None}
+    return replace(loaded, water=replace(loaded.water, **water)) if water else loaded
+
+
+class Size(click.ParamType):
+    """Picture size as WIDTHxHEIGHT."""
+
+    name = "WIDTHxHEIGHT"
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> tuple[int, int]:
+        """Two whole numbers from text such as 640x480."""
+        if isinstance(value, tuple):
+            return value
+        width, cross, height = str(value).lower().partition("x")
+        if not (cross and width.isdigit() and height.isdigit()):
+            self.fail(f"{value!r} is no size: give WIDTHxHEIGHT in pixels, such as 640x480", param, ctx)
+        return int(width), int(height)
