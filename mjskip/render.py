@@ -49,9 +49,10 @@ def render_video(
     camera: str = "side",
     size: tuple[int, int] = (640, 480),
     fps: float = 30.0,
+    slow: float = 1.0,
     progress: Progress | None = None,
 ) -> Path:
-    """Write an h264 video of a throw at its own speed.
+    """Write an h264 video of a throw.
 
     Args:
         scene: where it was thrown.
@@ -60,6 +61,7 @@ def render_video(
         camera: by its name in the scene.
         size: width and height, even [pixels].
         fps: frames per second.
+        slow: how many times slower than it was; 1 is its own speed.
         progress: called with the frames done and to do.
 
     Returns:
@@ -72,14 +74,14 @@ def render_video(
     """
     path = Path(path)
     check_video_path(path)
-    images = frames(scene, trajectory, camera=camera, size=size, fps=fps)
+    images = frames(scene, trajectory, camera=camera, size=size, fps=fps, slow=slow)
     with contextlib.closing(images):
         return write_video(
             images,
             path,
             size=size,
             fps=fps,
-            total=len(frame_times(trajectory, fps=fps)),
+            total=len(frame_times(trajectory, fps=fps, slow=slow)),
             progress=progress,
         )
 
@@ -92,15 +94,19 @@ def render_frames(
     camera: str = "side",
     size: tuple[int, int] = (640, 480),
     fps: float = 30.0,
+    slow: float = 1.0,
     progress: Progress | None = None,
 ) -> list[Path]:
     """Write a throw as frame_0000.png and so on into a folder that exists; see `render_video`."""
     folder = Path(folder)
     check_folder(folder)
-    images = frames(scene, trajectory, camera=camera, size=size, fps=fps)
+    images = frames(scene, trajectory, camera=camera, size=size, fps=fps, slow=slow)
     with contextlib.closing(images):
         return write_pngs(
-            images, folder, total=len(frame_times(trajectory, fps=fps)), progress=progress
+            images,
+            folder,
+            total=len(frame_times(trajectory, fps=fps, slow=slow)),
+            progress=progress,
         )
 
 
@@ -111,6 +117,7 @@ def frames(
     camera: str = "side",
     size: tuple[int, int] = (640, 480),
     fps: float = 30.0,
+    slow: float = 1.0,
 ) -> Generator[Image, None, None]:
     """The pictures (height, width, 3) of a throw, one at a time; see `render_video`.
 
@@ -118,7 +125,7 @@ def frames(
     pictures, what it gave to the stones.
     """
     check_size(size)
-    times = frame_times(trajectory, fps=fps)
+    times = frame_times(trajectory, fps=fps, slow=slow)
     flights = _by_body(scene, trajectory)
     field = scene.field()
     body = scene.body if scene.body in flights else next(iter(flights))
@@ -138,15 +145,18 @@ def _play(stage: Stage, field: Any, wake: Wake, times: Array) -> Generator[Image
             yield stage.draw(float(time), field)
 
 
-def frame_times(trajectory: Flights, *, fps: float = 30.0) -> Array:
+def frame_times(trajectory: Flights, *, fps: float = 30.0, slow: float = 1.0) -> Array:
     """When the pictures of a throw are taken (n,) [s]: from its first row to its last."""
     check_fps(fps)
+    if not 1.0 <= slow <= 1000.0:
+        raise ValueError(f"slow is {slow!r}: give how many times slower, from 1 to 1000")
     several = list(trajectory.values()) if isinstance(trajectory, Mapping) else [trajectory]
     if not several or any(len(one.time) == 0 for one in several):
         raise ValueError("the trajectory has no rows: nothing to draw")
     start = min(float(one.time[0]) for one in several)
     stop = max(float(one.time[-1]) for one in several)
-    return start + np.arange(math.floor((stop - start) * fps + 1e-6) + 1) / fps
+    rate = fps * slow
+    return start + np.arange(math.floor((stop - start) * rate + 1e-6) + 1) / rate
 
 
 def _by_body(scene: Scene, trajectory: Flights) -> dict[str, Trajectory]:

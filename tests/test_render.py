@@ -379,6 +379,13 @@ def test_sizes_that_cannot_be_encoded_are_refused(size, tmp_path):
         render.render_video(small(), flight(), tmp_path / "throw.mp4", size=size)
 
 
+def test_slow_motion_takes_more_pictures_of_the_same_time():
+    slow = render.frame_times(flight(), fps=30, slow=4)
+    np.testing.assert_allclose(slow[::4], render.frame_times(flight(), fps=30), rtol=1e-12)
+    with pytest.raises(ValueError, match="from 1 to 1000"):
+        render.frame_times(flight(), slow=0.0)
+
+
 @pytest.mark.parametrize("fps", [0.0, -30.0, float("nan"), float("inf"), 1e6])
 def test_rates_nobody_can_watch_are_refused(fps, tmp_path):
     with pytest.raises(ValueError, match="frames per second from 1 to 240"):
