@@ -22,6 +22,7 @@ FIRST = 16
 """Column of the first cell; with a row stride of a multiple of 16 every row starts aligned."""
 
 REFLECT, PERIODIC, OUTGOING = 0, 1, 2
+BOUNDARY_CODES = {"reflect": REFLECT, "periodic": PERIODIC, "absorb": OUTGOING}
 
 
 @kernel

@@ -36,8 +36,8 @@ from mjskip._stencil import (
 FloatArray = npt.NDArray[np.float64]
 SurfaceArray = npt.NDArray[np.float32]
 
-CELLS_PER_THREAD = 1 << 20
-"""Below this many cells a second thread costs more than it saves."""
+CELLS_PER_THREAD = 1 << 21
+"""With fewer cells to itself a thread costs more than it saves."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,6 +123,12 @@ class HeightField:
         self._rows = [aligned_zeros(3, stride) for _ in range(self._threads)]
         rate = self.wave_speed / self.spacing if self._margin else 0.0
         self._sponge = (sponge(nx, 1, nx + 2, rate), sponge(ny, self._j0, stride, rate))
+        self._code = kernels.BOUNDARY_CODES[boundary]
+        self._sweeper = kernels.step_five if stencil == "five_point" else kernels.step_nine
+        self._cuts = {
+            margin: np.linspace(1 + margin, nx + 1 - margin, self._threads + 1).astype(int).tolist()
+            for margin in (0, self._margin)
+        }
         self._pool: tuple[int, ThreadPoolExecutor] | None = None
         self._loads: list[tuple[SurfaceArray, int, int]] = []
         self._last_timestep = 0.0
@@ -181,7 +187,7 @@ class HeightField:
         at = np.column_stack(self._in_cells(points_x.ravel(), points_y.ravel()))
         out = np.empty((len(at), 4))
         kernels.sample_points(
-            self._z, self._prev, self._i1, self._j0, self._j1, self._boundary_code, at,
+            self._z, self._prev, self._i1, self._j0, self._j1, self._code, at,
             self.spacing, self._last_timestep, out,
         )  # fmt: skip
         return SurfaceSample(elevation=out[:, 0], slope=out[:, 1:3], vertical_speed=out[:, 3])
@@ -287,11 +293,6 @@ class HeightField:
 
     # Inside -------------------------------------------------------------------------------------
 
-    @property
-    def _boundary_code(self) -> int:
-        codes = {"reflect": kernels.REFLECT, "periodic": kernels.PERIODIC}
-        return codes.get(self.boundary, kernels.OUTGOING)
-
     def _cells(self, grid: SurfaceArray) -> SurfaceArray:
         i, j = 1 + self._margin, self._j0 + self._margin
         return grid[i : i + self.shape[0], j : j + self.shape[1]]
@@ -328,7 +329,7 @@ class HeightField:
         outgoing = math.sqrt(r)
         outgoing = (outgoing - 1.0) / (outgoing + 1.0)
         kernels.fill_ghosts(
-            self._z, self._prev, self._i1, self._j0, self._j1, self._boundary_code,
+            self._z, self._prev, self._i1, self._j0, self._j1, self._code,
             np.float32(outgoing),
         )  # fmt: skip
         if timestep != self._last_timestep:
@@ -338,10 +339,10 @@ class HeightField:
         if self._margin or self.stencil == "paper_eq8":
             self._sweep_slowly(m, r, timestep)
         self._z, self._prev = self._prev, self._z
-        edge, corner = (weight * r / (1.0 + m) for weight in WEIGHTS[self.stencil])
         for head, i, j in self._loads:
+            edge, corner = (weight * r / (1.0 + m) for weight in WEIGHTS[self.stencil])
             kernels.add_head(
-                self._z, head, i, j, self._i1, self._j0, self._j1, self._boundary_code,
+                self._z, head, i, j, self._i1, self._j0, self._j1, self._code,
                 edge, corner,
             )  # fmt: skip
         self._last_timestep = timestep
@@ -361,13 +362,13 @@ class HeightField:
 
     def _sweep(self, q: float, s: float, margin: int) -> None:
         """prev = z + q (z - prev) + s L(z) inside the margin, rows shared by threads."""
-        sweep = kernels.step_five if self.stencil == "five_point" else kernels.step_nine
-        cuts = np.linspace(1 + margin, self._i1 - margin, self._threads + 1).astype(int).tolist()
+        cuts = self._cuts[margin]
+        j0, j1 = self._j0 + margin, self._j1 - margin
 
         def band(k: int) -> None:
-            sweep(
-                self._z, self._prev, cuts[k], cuts[k + 1], self._j0 + margin, self._j1 - margin,
-                np.float32(q), np.float32(s), self._rows[k],
+            self._sweeper(
+                self._z, self._prev, cuts[k], cuts[k + 1], j0, j1, np.float32(q), np.float32(s),
+                self._rows[k],
             )  # fmt: skip
 
         if self._threads == 1:

@@ -1,0 +1,88 @@
+"""How near is the water's step to what memory allows? Ratios of medians, measured in one run.
+
+Prints JSON: a 500 x 500 step over a copy of the same grid and under a NumPy slice version of the
+same stencil, one thread against two at 4096 x 4096. About half a minute.
+"""
+
+import json
+import os
+import statistics
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from mjskip.waves import HeightField
+
+
+def median_seconds(call: Callable[[], object], *, repeats: int) -> float:
+    """Median time of a call that repeats with nothing between: caches warm, code compiled."""
+    call()
+    call()
+    times = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        call()
+        times.append(time.perf_counter() - start)
+    return statistics.median(times)
+
+
+def numpy_step(z: npt.NDArray[np.float32], prev: npt.NDArray[np.float32]) -> None:
+    """The nine-point step with slices, into `prev`, as one would write it in NumPy."""
+    q, s = np.float32(0.99), np.float32(0.5)
+    edges = z[:-2, 1:-1] + z[2:, 1:-1] + z[1:-1, :-2] + z[1:-1, 2:]
+    corners = z[:-2, :-2] + z[:-2, 2:] + z[2:, :-2] + z[2:, 2:]
+    here = z[1:-1, 1:-1]
+    bend = np.float32(2 / 3) * edges + np.float32(1 / 6) * corners - np.float32(10 / 3) * here
+    prev[1:-1, 1:-1] = here + q * (here - prev[1:-1, 1:-1]) + s * bend
+    prev[0], prev[-1] = prev[1], prev[-2]
+    prev[:, 0], prev[:, -1] = prev[:, 1], prev[:, -2]
+
+
+def waves(n: int, *, threads: int) -> HeightField:
+    """n x n cells in motion."""
+    water = HeightField((n, n), threads=threads)
+    water.displace(0.0, 0.0, height=0.01, radius=0.25 * n * water.spacing)
+    return water
+
+
+def bench() -> dict[str, Any]:
+    """Measure; see the module's docstring."""
+    small = waves(500, threads=1)
+    step = 0.9 * small.max_timestep
+    source = small.elevation.copy()
+    target = source.copy()
+    z, prev = np.pad(source, 1, mode="edge"), np.pad(source, 1, mode="edge")
+    # Twice, and the better of the two: another process on the machine disturbs one of them.
+    ours = min(median_seconds(lambda: small.step(step), repeats=500) for _ in range(2))
+    copy = min(median_seconds(lambda: np.copyto(target, source), repeats=500) for _ in range(2))
+    numpy_slices = min(median_seconds(lambda: numpy_step(z, prev), repeats=100) for _ in range(2))
+
+    dense = []
+    for threads in (1, 2):
+        water = waves(4096, threads=threads)
+        dense.append(median_seconds(partial(water.step, step), repeats=30))
+        del water
+    big = np.zeros((4096, 4096), np.float32)
+    big_target = big.copy()
+    dense_copy = median_seconds(lambda: np.copyto(big_target, big), repeats=30)
+    dense_one, dense_two = dense
+    return {
+        "cores": os.cpu_count(),
+        "step_500_us": 1e6 * ours,
+        "memcpy_500_us": 1e6 * copy,
+        "numpy_500_us": 1e6 * numpy_slices,
+        "step_over_memcpy_500": ours / copy,
+        "numpy_over_step_500": numpy_slices / ours,
+        "step_4096_one_thread_ms": 1e3 * dense_one,
+        "step_4096_two_threads_ms": 1e3 * dense_two,
+        "two_threads_speedup_4096": dense_one / dense_two,
+        "step_over_memcpy_4096_one_thread": dense_one / dense_copy,
+    }
+
+
+if __name__ == "__main__":
+    print(json.dumps(bench(), indent=2))
