@@ -77,7 +77,12 @@ def control(model: int, data: int) -> None:
     velocity = xfrc + 8 * size
     state = velocity + 8 * 6
     load = state + 8 * 18
-    applied, moving, pose, wrench = as_doubles(xfrc), as_doubles(velocity), as_doubles(state), as_doubles(load)
+    applied, moving, pose, wrench = (
+        as_doubles(xfrc),
+        as_doubles(velocity),
+        as_doubles(state),
+        as_doubles(load),
+    )
     mj_getState(model, data, xfrc, STATE_XFRC_APPLIED)
     for n in range(entry[ATTACHED]):
         record = RECORDS + RECORD * n

@@ -64,9 +64,35 @@ def immersed_part(
         return 0.0, 0.0, 0.0, 0.0
     # turn the triangle so that the odd corner (the only wet or the only dry one) is a
     if (hb < 0.0) == (below == 1):
-        ax, ay, az, ha, bx, by, bz, hb, cx, cy, cz, hc = bx, by, bz, hb, cx, cy, cz, hc, ax, ay, az, ha
+        ax, ay, az, ha, bx, by, bz, hb, cx, cy, cz, hc = (
+            bx,
+            by,
+            bz,
+            hb,
+            cx,
+            cy,
+            cz,
+            hc,
+            ax,
+            ay,
+            az,
+            ha,
+        )
     elif (hc < 0.0) == (below == 1):
-        ax, ay, az, ha, bx, by, bz, hb, cx, cy, cz, hc = cx, cy, cz, hc, ax, ay, az, ha, bx, by, bz, hb
+        ax, ay, az, ha, bx, by, bz, hb, cx, cy, cz, hc = (
+            cx,
+            cy,
+            cz,
+            hc,
+            ax,
+            ay,
+            az,
+            ha,
+            bx,
+            by,
+            bz,
+            hb,
+        )
     if below == 1:  # a wet: the triangle a, a + s (b - a), a + t (c - a)
         s = ha / (ha - hb)
         t = ha / (ha - hc)
@@ -116,12 +142,19 @@ def body_wrench(block: Any, state: Any, out: Any) -> None:
     nx, ny, nz = block[DISC_NORMAL], block[DISC_NORMAL + 1], block[DISC_NORMAL + 2]
     rx, ry, rz = block[DISC_CENTRE], block[DISC_CENTRE + 1], block[DISC_CENTRE + 2]
     vn = (
-        (vx + wy * rz - wz * ry) * nx + (vy + wz * rx - wx * rz) * ny + (vz + wx * ry - wy * rx) * nz
+        (vx + wy * rz - wz * ry) * nx
+        + (vy + wz * rx - wx * rz) * ny
+        + (vz + wx * ry - wy * rx) * nz
     )
     load = -block[AIR_DENSITY] * block[DISC_AREA] * vn * abs(vn)
     _to_world(state, load * nx, load * ny, load * nz, out, 6)
     _to_world(
-        state, load * (ry * nz - rz * ny), load * (rz * nx - rx * nz), load * (rx * ny - ry * nx), out, 9
+        state,
+        load * (ry * nz - rz * ny),
+        load * (rz * nx - rx * nz),
+        load * (rx * ny - ry * nx),
+        out,
+        9,
     )
 
     # water, on the mesh
@@ -150,7 +183,10 @@ def body_wrench(block: Any, state: Any, out: Any) -> None:
                 continue
             fraction, rx, ry, rz = immersed_part(ax, ay, az, ha, bx, by, bz, hb, cx, cy, cz, hc)
             vn = (
-                vn_centre + (wy * rz - wz * ry) * nx + (wz * rx - wx * rz) * ny + (wx * ry - wy * rx) * nz
+                vn_centre
+                + (wy * rz - wz * ry) * nx
+                + (wz * rx - wx * rz) * ny
+                + (wx * ry - wy * rx) * nz
             )
             if local and vn <= 0.0:
                 continue

@@ -5,17 +5,22 @@ file's kernels in a cache entry of their own, and makes every engine run the ver
 """
 
 import ctypes
+from collections.abc import Callable
 from typing import Any
 
 from llvmlite import ir
 from numba import types
-from numba.core import cgutils
-from numba.core.extending import intrinsic
+from numba.core import cgutils, extending
 
 F8P = types.CPointer(types.float64)
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+def intrinsic(function: Callable[..., Any]) -> Any:
+    """numba's decorator, for a type checker that would take the typing context for an argument."""
+    return extending.intrinsic(function)
+
+
+@intrinsic
 def as_doubles(typingctx: Any, address: Any) -> Any:
     """Address of doubles as a pointer that indexes like a C array."""
 
@@ -25,7 +30,7 @@ def as_doubles(typingctx: Any, address: Any) -> Any:
     return F8P(types.int64), codegen
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def address_of(typingctx: Any, array: Any) -> Any:
     """Address of the first element of a contiguous array; the array must stay alive."""
 
@@ -36,7 +41,7 @@ def address_of(typingctx: Any, array: Any) -> Any:
     return types.int64(array), codegen
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def call_address(typingctx: Any, function: Any, first: Any, second: Any, third: Any) -> Any:
     """Call void(double*, double*, double*) at an address, with three addresses."""
 
@@ -50,7 +55,7 @@ def call_address(typingctx: Any, function: Any, first: Any, second: Any, third: 
     return types.void(types.int64, types.int64, types.int64, types.int64), codegen
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def stack_doubles(typingctx: Any, count: Any) -> Any:
     """Address of `count` doubles on the caller's stack: scratch without a heap, safe in threads.
 
@@ -65,7 +70,7 @@ def stack_doubles(typingctx: Any, count: Any) -> Any:
     return types.int64(types.int64), codegen
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def as_words(typingctx: Any, address: Any) -> Any:
     """Address of 64-bit integers as a pointer that indexes like a C array."""
 
@@ -85,7 +90,7 @@ def symbol(name: str, address: int) -> Any:
 
     llvmlite.binding.add_symbol(name, address)
 
-    @intrinsic  # type: ignore[untyped-decorator]
+    @intrinsic
     def look_up(typingctx: Any) -> Any:
         def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
             word = ir.IntType(64)

@@ -32,11 +32,18 @@ def body_stone(model: mujoco.MjModel, body: int, *, geoms: Sequence[str] | None 
         MeshError: a mesh geom is not closed.
     """
     first, count = model.body_geomadr[body], model.body_geomnum[body]
-    chosen = [g for g in range(first, first + count) if geoms is None or model.geom(g).name in geoms]
+    chosen = [
+        g for g in range(first, first + count) if geoms is None or model.geom(g).name in geoms
+    ]
     name = body_name(model, body)
     if not chosen:
-        has = ", ".join(model.geom(g).name or f"geom {g}" for g in range(first, first + count)) or "none"
-        raise SceneError(f"body {name!r} has no geom for water to act on: choose from its geoms ({has})")
+        has = (
+            ", ".join(model.geom(g).name or f"geom {g}" for g in range(first, first + count))
+            or "none"
+        )
+        raise SceneError(
+            f"body {name!r} has no geom for water to act on: choose from its geoms ({has})"
+        )
     if not model.body_mass[body] > 0.0:
         raise SceneError(f"body {name!r} has no mass: give its geoms a density or a mass")
     vertices: list[Array] = []
@@ -92,7 +99,9 @@ def _solid(model: mujoco.MjModel, geom: int) -> trimesh.Trimesh:
         case mujoco.mjtGeom.mjGEOM_BOX:
             return trimesh.creation.box(extents=2.0 * size)
         case mujoco.mjtGeom.mjGEOM_SPHERE:
-            return _keep_volume(trimesh.creation.icosphere(3), np.full(3, size[0]), 4.0 / 3.0 * np.pi)
+            return _keep_volume(
+                trimesh.creation.icosphere(3), np.full(3, size[0]), 4.0 / 3.0 * np.pi
+            )
         case mujoco.mjtGeom.mjGEOM_ELLIPSOID:
             return _keep_volume(trimesh.creation.icosphere(3), size, 4.0 / 3.0 * np.pi)
         case mujoco.mjtGeom.mjGEOM_CYLINDER:
@@ -124,6 +133,8 @@ def _mesh_geom(model: mujoco.MjModel, geom: int, label: str) -> trimesh.Trimesh:
     vertices = np.array(model.mesh_vert[first : first + count], dtype=np.float64)
     first, count = model.mesh_faceadr[data], model.mesh_facenum[data]
     try:
-        return closed_mesh(trimesh.Trimesh(vertices, model.mesh_face[first : first + count], process=False))
+        return closed_mesh(
+            trimesh.Trimesh(vertices, model.mesh_face[first : first + count], process=False)
+        )
     except MeshError as error:
         raise MeshError(f"{label}: {error}") from error

@@ -139,9 +139,13 @@ def compare(
     ladder = _ladder(timesteps)
     fine = ladder[-1]
     progress("yardstick")
-    long = simulate(scene, engine="reference", integrator="adaptive", timestep=fine, limits=_until(2.0))
+    long = simulate(
+        scene, engine="reference", integrator="adaptive", timestep=fine, limits=_until(2.0)
+    )
     if not long.contacts:
-        raise ValueError("the stone does not touch the water within 2 s: throw it lower or downwards")
+        raise ValueError(
+            "the stone does not touch the water within 2 s: throw it lower or downwards"
+        )
     touch = long.contacts[0]
     begins = touch.entry.time
     ends = min(begins + LONGEST_TOUCH, touch.exit.time if touch.exit else math.inf, long.time[-1])
@@ -152,7 +156,7 @@ def compare(
     for engine, integrator in SOLVERS:
         for step in ladder:
             progress(f"{engine} {integrator} at {step * 1e3:g} ms")
-            options = {"engine": engine, "integrator": integrator, "timestep": step}
+            options: dict[str, Any] = {"engine": engine, "integrator": integrator, "timestep": step}
             run = _attempt(scene, ends + step, options)
             if run is None:
                 rows.append(Row(**options, **asdict(_Apart()), step_seconds=math.nan))
@@ -171,7 +175,11 @@ def compare(
         agreement=tuple(
             Agreement(
                 timestep=step,
-                **asdict(_apart(runs["mujoco", "RK4", step], runs["reference", "rk4", step], begins, ends)),
+                **asdict(
+                    _apart(
+                        runs["mujoco", "RK4", step], runs["reference", "rk4", step], begins, ends
+                    )
+                ),
             )
             for step in ladder
             if ("mujoco", "RK4", step) in runs and ("reference", "rk4", step) in runs
@@ -183,7 +191,11 @@ def compare(
                 smooth_flight=_lesser_order(ladder, smooth[engine, integrator]),
                 touch=observed_order(
                     ladder,
-                    [r.touch_position for r in rows if (r.engine, r.integrator) == (engine, integrator)],
+                    [
+                        r.touch_position
+                        for r in rows
+                        if (r.engine, r.integrator) == (engine, integrator)
+                    ],
                 ),
             )
             for engine, integrator in SOLVERS
@@ -232,7 +244,9 @@ def _ladder(timesteps: Sequence[float]) -> tuple[float, ...]:
         raise ValueError("no time steps: give at least one")
     for step in ladder:
         if abs(step / ladder[-1] - round(step / ladder[-1])) > 1e-6:
-            raise ValueError(f"time step {step:g} s is no multiple of the smallest, {ladder[-1]:g} s")
+            raise ValueError(
+                f"time step {step:g} s is no multiple of the smallest, {ladder[-1]:g} s"
+            )
     return ladder
 
 
@@ -248,10 +262,16 @@ def _tumbling(scene: Scene, ladder: Sequence[float]) -> tuple[Trajectory, Scene]
     the tenth of a second that is followed.
     """
     turn = 2.0 * math.pi
-    high = scene.rethrow(height=100.0, spin=20.0 * turn, wobble=5.0 * turn, attack=math.radians(30.0))
+    high = scene.rethrow(
+        height=100.0, spin=20.0 * turn, wobble=5.0 * turn, attack=math.radians(30.0)
+    )
     high = replace(high, water=replace(scene.water, air_density=20.0))
     until = max(round(0.1 / ladder[0]), 1) * ladder[0]
-    yardstick = {"engine": "reference", "integrator": "adaptive", "timestep": ladder[-1]}
+    yardstick: dict[str, Any] = {
+        "engine": "reference",
+        "integrator": "adaptive",
+        "timestep": ladder[-1],
+    }
     return simulate(high, limits=_until(until), **yardstick), high
 
 

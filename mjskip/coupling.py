@@ -21,7 +21,7 @@ from mjskip._jit import native as compile_native
 from mjskip._native import address_of_cfunc
 from mjskip.bodies import body_name, body_stone, find_body, free_bodies
 from mjskip.errors import DivergedError, SceneError
-from mjskip.forces import Wrench, pack, wrench, wrench_address
+from mjskip.forces import Wrench, pack, pack_states, wrench_address, wrench_of
 from mjskip.stone import Stone
 from mjskip.water import Water
 
@@ -42,7 +42,8 @@ class Coupling:
     stones: tuple[Stone, ...]
     water: Water
     _entry: npt.NDArray[np.int64] = field(repr=False)
-    _kept: tuple[Any, ...] = field(repr=False)
+    _frames: list[npt.NDArray[np.float64]] = field(repr=False)
+    _blocks: list[npt.NDArray[np.float64]] = field(repr=False)
 
     def check(self) -> None:
         """Raise if a force was not finite since `attach`.
@@ -52,7 +53,9 @@ class Coupling:
         """
         body = int(self._entry[tables.FAILED])
         if body >= 0:
-            when = float(self._entry[tables.FAILURE_TIME : tables.FAILURE_TIME + 1].view(np.float64)[0])
+            when = float(
+                self._entry[tables.FAILURE_TIME : tables.FAILURE_TIME + 1].view(np.float64)[0]
+            )
             name = body_name(self.model, body)
             raise DivergedError(
                 f"the water's force on body {name!r} is not finite at t = {when:.6g} s: use a smaller "
@@ -65,14 +68,11 @@ class Coupling:
         """Wrench of water and air on an attached body in the pose and motion of `data`."""
         velocity = np.empty(6)
         mujoco.mj_objectVelocity(self.model, data, mujoco.mjtObj.mjOBJ_BODY, body, velocity, 0)
-        return wrench(
-            self.stones[self.bodies.index(body)],
-            self.water,
-            position=data.xipos[body],
-            q=data.xquat[body],
-            velocity=velocity[3:],
-            omega=velocity[:3],
+        rotation = data.xmat[body].reshape(1, 3, 3)
+        states = pack_states(
+            data.xipos[body][None], rotation, velocity[None, 3:], velocity[None, :3]
         )
+        return wrench_of(self._blocks[self.bodies.index(body)], states)
 
 
 @contextmanager
@@ -98,8 +98,7 @@ def attach(
         water: the fluid; `Water()` if omitted.
         bodies: names of the bodies; all bodies with a free joint if None.
         geoms: names of the geoms that water touches; all geoms of the bodies if None.
-        native: False installs a callback in plain Python, for teaching and tests: some hundred times
-            slower, and no model can be compiled, nor threads be used, while it is there.
+        native: False installs a callback in plain Python, for teaching and tests: far slower, and no model can be compiled, nor threads be used, while it is there.
 
     Yields:
         The coupling, whose `check()` raises if a force was not finite. Leaving the context does too.
@@ -132,7 +131,9 @@ def _couple(
         )
     ids = free_bodies(model) if bodies is None else [find_body(model, name) for name in bodies]
     if not ids:
-        raise SceneError("this model has no free body: give the stone a <freejoint/>, or name bodies=")
+        raise SceneError(
+            "this model has no free body: give the stone a <freejoint/>, or name bodies="
+        )
     stones = [body_stone(model, body, geoms=geoms) for body in ids]
     blocks = [pack(stone, water) for stone in stones]
     frames = [np.array([*model.body_ipos[body], 1.0, 0.0, 0.0, 0.0]) for body in ids]
@@ -145,7 +146,8 @@ def _couple(
         stones=tuple(stones),
         water=water,
         _entry=np.array(words, dtype=np.int64),
-        _kept=(frames, blocks),
+        _frames=frames,
+        _blocks=blocks,
     )
 
 
@@ -200,7 +202,10 @@ def _publish() -> None:
         k = (address >> 4) % slots
         while fresh[tables.PAIRS + 2 * k]:
             k = (k + 1) % slots
-        fresh[tables.PAIRS + 2 * k : tables.PAIRS + 2 * k + 2] = address, coupling._entry.ctypes.data
+        fresh[tables.PAIRS + 2 * k : tables.PAIRS + 2 * k + 2] = (
+            address,
+            coupling._entry.ctypes.data,
+        )
     _old_maps.append((fresh, dict(_attached)))
     tables.root[tables.MAP] = fresh.ctypes.data
 

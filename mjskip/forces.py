@@ -68,12 +68,20 @@ def wrench(
     Raises:
         ValueError: an argument has the wrong shape or is not finite, or q is zero.
     """
-    x, v, w = (_vector(n, a, 3) for n, a in (("position", position), ("velocity", velocity), ("omega", omega)))
+    x, v, w = (
+        _vector(n, a, 3)
+        for n, a in (("position", position), ("velocity", velocity), ("omega", omega))
+    )
     q = _vector("q", q, 4)
     if not np.linalg.norm(q) > 0.0:
         raise ValueError("q is zero: give a quaternion (w, x, y, z) of any length but zero")
     states = pack_states(x[None], matrices(q)[None], v[None], w[None])
-    row = observe(pack(stone, water or Water()), states)[0]
+    return wrench_of(pack(stone, water or Water()), states)
+
+
+def wrench_of(block: Array, states: Array) -> Wrench:
+    """The same for a packed stone and the first of its packed states."""
+    row = observe(block, states[:1])[0]
     return Wrench(
         force=row[0:3],
         torque=row[3:6],

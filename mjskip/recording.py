@@ -195,7 +195,7 @@ def find_contacts(
                 entry=_moment(time, states, normal_body, enters),
                 exit=_moment(time, states, normal_body, leaves) if dry_after else None,
                 depth=float(-clearance[first:last].min()),
-                impulse=_triple(np.trapezoid(seen[rows, 0:3], time[rows], axis=0)),
+                impulse=_triple(np.asarray(np.trapezoid(seen[rows, 0:3], time[rows], axis=0))),
                 airtime=until - leaves if dry_after else 0.0,
             )
         )
@@ -232,4 +232,3 @@ def _moment(time: Array, states: Array, normal_body: Array, at: float) -> Moment
 
 def _triple(values: Array) -> tuple[float, float, float]:
     return float(values[0]), float(values[1]), float(values[2])
-

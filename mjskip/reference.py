@@ -12,6 +12,7 @@ import numpy.typing as npt
 from scipy.integrate import DOP853
 
 from mjskip import _rigid_kernels as kernels
+from mjskip.attitude import matrices
 from mjskip.errors import MjskipError
 from mjskip.forces import pack, wrench_address
 from mjskip.recording import Limits, Log
@@ -68,9 +69,7 @@ def integrate(
     if method not in METHODS:
         raise ValueError(f"method is {method!r}: use one of {', '.join(METHODS)}")
     start = throw.state(stone) if isinstance(throw, Throw) else throw
-    inertia = np.linalg.inv(stone.inertia)
-    if frozen_attitude:
-        inertia = np.zeros((3, 3))
+    inertia = np.zeros((3, 3)) if frozen_attitude else _inverse(stone.inertia)
     y = _packed(stone, start)
     stepper = _adaptive if method == "adaptive" else _fixed
     log = Log(name, stone, water, limits)
@@ -113,10 +112,12 @@ class _Problem:
         return out
 
 
+def _inverse(matrix: Array) -> Array:
+    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
+
+
 def _packed(stone: Stone, start: State) -> Array:
     """y (13,) = x, q, P, L at the start."""
-    from mjskip.attitude import matrices
-
     rotation = matrices(start.q)
     spin = rotation @ (stone.inertia @ (rotation.T @ start.omega))
     return np.concatenate([start.position, start.q, stone.mass * start.velocity, spin])
@@ -138,10 +139,8 @@ def _fixed(problem: _Problem, y: Array, method: str, timestep: float, _rtol: flo
 
 def _adaptive(problem: _Problem, y: Array, _method: str, timestep: float, rtol: float) -> Any:
     """Endless chunks of (times, states) from DOP853 dense output, a row every `timestep`."""
-    scale = np.maximum(np.abs(y), 1e-3 * np.linalg.norm(y))
-    solver = DOP853(
-        problem.derivative, 0.0, y, np.inf, max_step=timestep, rtol=rtol, atol=1e-3 * rtol * scale
-    )
+    absolute: Any = 1e-3 * rtol * np.maximum(np.abs(y), 1e-3 * np.linalg.norm(y))
+    solver = DOP853(problem.derivative, 0.0, y, np.inf, max_step=timestep, rtol=rtol, atol=absolute)
     done = 0
     while True:
         rows = np.empty((CHUNK, kernels.STATE))
@@ -150,7 +149,11 @@ def _adaptive(problem: _Problem, y: Array, _method: str, timestep: float, rtol: 
             while solver.t < time:
                 message = solver.step()
                 if solver.status == "failed":
-                    raise MjskipError(f"the adaptive integrator stopped at {solver.t:.6g} s: {message}")
-            kernels.motion(solver.dense_output()(time), problem.mass, problem.inverse_inertia, rows[row])
+                    raise MjskipError(
+                        f"the adaptive integrator stopped at {solver.t:.6g} s: {message}"
+                    )
+            kernels.motion(
+                solver.dense_output()(time), problem.mass, problem.inverse_inertia, rows[row]
+            )
         yield times, rows
         done += CHUNK

@@ -166,7 +166,12 @@ def _by_body(scene: Scene, trajectory: Flights) -> dict[str, Trajectory]:
 
 
 class Stage:
-    """A scene made ready to draw: its own model with the water in it, a camera, a GL context."""
+    """A scene made ready to draw: its own model with the water in it, a camera, a GL context.
+
+    Attributes:
+        model: the scene's, with the skin.
+        data: the poses of the last picture.
+    """
 
     def __init__(
         self,
@@ -190,7 +195,7 @@ class Stage:
         self.model.vis.global_.offwidth = max(wide, self.model.vis.global_.offwidth)
         self.model.vis.global_.offheight = max(high, self.model.vis.global_.offheight)
         self._skin = WaterSkin(self.model, grid)
-        self._data = mujoco.MjData(self.model)
+        self.data = mujoco.MjData(self.model)
         self._camera_height = self._height_in_scene()
         self._renderer: Any = None
 
@@ -217,13 +222,13 @@ class Stage:
             position, attitude = pose_at(flight, time)
             body = self.model.body(name)
             at = self._addresses[name]
-            self._data.qpos[at : at + 3] = position - _rotated(body.ipos, attitude)
-            self._data.qpos[at + 3 : at + 7] = attitude
+            self.data.qpos[at : at + 3] = position - _rotated(body.ipos, attitude)
+            self.data.qpos[at + 3 : at + 7] = attitude
         self._place()
         if self._camera_height is not None:
-            self._data.cam_xpos[self._camera, 2] = self._camera_height
+            self.data.cam_xpos[self._camera, 2] = self._camera_height
         renderer = self._renderer
-        renderer.update_scene(self._data, camera=self._camera)
+        renderer.update_scene(self.data, camera=self._camera)
         for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
             renderer.scene.flags[flag] = 0  # each redraws everything; skins show neither
         x, y, _ = pose_at(self._flights[self._focus], time)[0]
@@ -232,9 +237,9 @@ class Stage:
         return image
 
     def _place(self) -> None:
-        mujoco.mj_kinematics(self.model, self._data)
-        mujoco.mj_comPos(self.model, self._data)
-        mujoco.mj_camlight(self.model, self._data)
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_comPos(self.model, self.data)
+        mujoco.mj_camlight(self.model, self.data)
 
     def _height_in_scene(self) -> float | None:
         """A camera that follows a stone does so level: it neither bobs nor dives with it [m]."""
@@ -242,7 +247,7 @@ class Stage:
         if int(self.model.cam_mode[self._camera]) not in map(int, following):
             return None
         self._place()
-        return float(self._data.cam_xpos[self._camera, 2])
+        return float(self.data.cam_xpos[self._camera, 2])
 
 
 def pose_at(flight: Trajectory, time: float) -> tuple[Array, Array]:

@@ -138,10 +138,7 @@ def load_scene(path: str | os.PathLike[str] = "lake", *, body: str | None = None
             body=body or names[0],
             water=Water(**{k: v for k, v in settings.items() if k in WATER}),
             lake={k: v for k, v in settings.items() if k in FIELD},
-            throws={
-                name: Throw(**_one(settings, name))
-                for name in names
-            },
+            throws={name: Throw(**_one(settings, name)) for name in names},
             own={name: frozenset(k for k in THROW if f"{k}.{name}" in settings) for name in names},
         )
     except ValueError as error:

@@ -153,9 +153,7 @@ def _by_reference(
 ) -> tuple[dict[str, Trajectory], str]:
     method = integrator or "rk4"
     if method not in METHODS:
-        raise ValueError(
-            f"integrator is {method!r}: the reference engine has {', '.join(METHODS)}"
-        )
+        raise ValueError(f"integrator is {method!r}: the reference engine has {', '.join(METHODS)}")
     gravity = scene.model.opt.gravity
     found = {
         name: integrate(
@@ -202,7 +200,7 @@ def _by_mujoco(
         count = 1
         qpos[0], qvel[0] = data.qpos, data.qvel
         while True:
-            times = timestep * np.arange(done, done + count)
+            times: Array = timestep * np.arange(done, done + count, dtype=np.float64)
             for name, log in logs.items():
                 log.extend(times, free[name].states(qpos[:count], qvel[:count]))
             coupling.check()

@@ -180,7 +180,9 @@ class Stone:
         check_positive(scale=scale)
         mesh = closed_mesh(_read(mesh), scale=scale, fix_normals=fix_normals)
         if density is not None and mass is not None:
-            raise ValueError(f"both density {density!r} and mass {mass!r} are given: give one of them")
+            raise ValueError(
+                f"both density {density!r} and mass {mass!r} are given: give one of them"
+            )
         if mass is not None:
             check_positive(mass=mass)
             density = mass / float(mesh.volume)
@@ -267,7 +269,9 @@ def closed_mesh(mesh: Any, *, scale: float = 1.0, fix_normals: bool = False) -> 
     if fix_normals:
         mesh.fix_normals(multibody=True)
     if not mesh.is_winding_consistent:
-        raise MeshError("some triangles of the mesh face inwards: pass fix_normals=True to turn them")
+        raise MeshError(
+            "some triangles of the mesh face inwards: pass fix_normals=True to turn them"
+        )
     if abs(mesh.volume) <= 1e-9 * extent**3:
         raise MeshError(f"the mesh has no volume ({mesh.volume:.3g} m^3): a stone must be solid")
     if mesh.volume < 0.0:

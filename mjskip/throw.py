@@ -106,7 +106,9 @@ class Throw:
         rotation = released(stone.disc_normal, self.attack, self.bank)
         lowest = float((stone.vertices @ rotation[2]).min())
         normal = rotation @ stone.disc_normal
-        across = np.cross(normal, [1.0, 0.0, 0.0])  # to the left of the heading, in the disc's plane
+        across = np.cross(
+            normal, [1.0, 0.0, 0.0]
+        )  # to the left of the heading, in the disc's plane
         if np.linalg.norm(across) < 1e-9:
             across = np.array([0.0, 1.0, 0.0])
         heading = np.array([math.cos(self.descent), 0.0, -math.sin(self.descent)])

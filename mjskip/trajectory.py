@@ -151,7 +151,9 @@ class Trajectory:
                 variables[f"{side}_{name}"] = (("contact", *dims), values, {"units": units})
         for name, dims, units in _TOUCH:
             shape = (len(self.contacts), 3) if dims else (len(self.contacts),)
-            values = np.array([getattr(c, name) for c in self.contacts], dtype=np.float64).reshape(shape)
+            values = np.array([getattr(c, name) for c in self.contacts], dtype=np.float64).reshape(
+                shape
+            )
             variables[f"contact_{name}"] = (("contact", *dims), values, {"units": units})
         data = xr.Dataset(
             variables,
@@ -242,8 +244,10 @@ def _contact(data: xr.Dataset, k: int) -> Contact:
     def moment(side: str) -> Moment | None:
         if math.isnan(value(f"{side}_time")):
             return None
-        found = {name: value(f"{side}_{name}") for name, *_ in _MOMENT}
-        return Moment(**{n: tuple(v) if isinstance(v, list) else v for n, v in found.items()})
+        found: dict[str, Any] = {name: value(f"{side}_{name}") for name, *_ in _MOMENT}
+        for name, number in found.items():
+            found[name] = tuple(number) if isinstance(number, list) else number
+        return Moment(**found)
 
     entry = moment("entry")
     if entry is None:

@@ -33,7 +33,9 @@ err = Console(stderr=True, highlight=False)
     metavar="S",
     help=f"Time step, may be repeated; multiples of the smallest.  [default: {LADDER}]",
 )
-@click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout instead of tables.")
+@click.option(
+    "--json", "as_json", is_flag=True, help="One JSON object on stdout instead of tables."
+)
 def compare(timesteps: tuple[float, ...], as_json: bool, **throw: Any) -> None:
     """Throw the stone of SCENE by every solver at every time step, through its first touch."""
     with err.status("preparing") as status, warnings.catch_warnings():

@@ -34,12 +34,18 @@ def throw_options(function: F) -> F:
         click.argument("scene", default="lake"),
         click.option("--body", metavar="NAME", help="Stone to follow.  [default: the first]"),
         *(
-            click.option(f"--{name}", type=float, metavar=unit, help=f"{text}  [default: the scene's]")
+            click.option(
+                f"--{name}", type=float, metavar=unit, help=f"{text}  [default: the scene's]"
+            )
             for name, (unit, _, text) in THROW.items()
         ),
-        click.option("--law", type=click.Choice(list(LAWS)), help="Force law.  [default: the scene's]"),
         click.option(
-            "--gate", type=click.Choice(GATES), help="Which wet faces are loaded.  [default: the scene's]"
+            "--law", type=click.Choice(list(LAWS)), help="Force law.  [default: the scene's]"
+        ),
+        click.option(
+            "--gate",
+            type=click.Choice(GATES),
+            help="Which wet faces are loaded.  [default: the scene's]",
         ),
     ]
     for decorator in reversed(decorators):
@@ -54,11 +60,13 @@ def chosen_scene(
     loaded = load_scene(scene, body=body)
     given = {name: value * THROW[name][1] for name, value in throw.items() if value is not None}
     loaded = loaded.rethrow(**given)
-    water = {key: value for key, value in (("law", law), ("gate", gate)) if value is not None}
+    water: dict[str, Any] = {
+        key: value for key, value in (("law", law), ("gate", gate)) if value is not None
+    }
     return replace(loaded, water=replace(loaded.water, **water)) if water else loaded
 
 
-class Size(click.ParamType):
+class Size(click.ParamType[tuple[int, int]]):
     """Picture size as WIDTHxHEIGHT."""
 
     name = "WIDTHxHEIGHT"
@@ -69,5 +77,7 @@ class Size(click.ParamType):
             return value
         width, cross, height = str(value).lower().partition("x")
         if not (cross and width.isdigit() and height.isdigit()):
-            self.fail(f"{value!r} is no size: give WIDTHxHEIGHT in pixels, such as 640x480", param, ctx)
+            self.fail(
+                f"{value!r} is no size: give WIDTHxHEIGHT in pixels, such as 640x480", param, ctx
+            )
         return int(width), int(height)

@@ -4,13 +4,25 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import click
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TextColumn,
+    TimeRemainingColumn,
+)
 from rich.table import Table
+from rich.text import Text
 
 from mjskip import __version__
 from mjskip.cli.options import Size, chosen_scene, throw_options
@@ -36,13 +48,19 @@ err = Console(stderr=True, highlight=False)
 @click.option("--timestep", type=float, metavar="S", help="Time step.  [default: the scene's]")
 @click.option("--duration", type=float, default=5.0, show_default=True, metavar="S")
 @click.option("--frozen-attitude", is_flag=True, help="No spin, and the stone cannot turn.")
-@click.option("--video", type=click.Path(path_type=Path), metavar="FILE", help="Write an h264 video.")
-@click.option("--frames", type=click.Path(path_type=Path), metavar="FOLDER", help="Write PNG frames.")
+@click.option(
+    "--video", type=click.Path(path_type=Path), metavar="FILE", help="Write an h264 video."
+)
+@click.option(
+    "--frames", type=click.Path(path_type=Path), metavar="FOLDER", help="Write PNG frames."
+)
 @click.option("--camera", default="side", show_default=True, metavar="NAME")
 @click.option("--size", type=Size(), default="640x480", show_default=True)
 @click.option("--fps", type=float, default=30.0, show_default=True)
 @click.option("--save", type=click.Path(path_type=Path), metavar="FILE", help="Write NetCDF.")
-@click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout instead of a table.")
+@click.option(
+    "--json", "as_json", is_flag=True, help="One JSON object on stdout instead of a table."
+)
 def run(
     engine: Any,
     integrator: str | None,
@@ -82,7 +100,9 @@ def run(
         click.echo(json.dumps(report(scene, chosen), allow_nan=False))
     else:
         for name, trajectory in trajectories.items():
-            out.print(skip_table(scene, name, trajectory))
+            out.print(headline(scene, name))
+            if trajectory.contacts:
+                out.print(skip_table(trajectory))
             out.print(verdict(trajectory))
     if save is not None:
         chosen.save(save)
@@ -94,15 +114,8 @@ def run(
         options: dict[str, Any] = {"camera": camera, "size": size, "fps": fps}
         for target, draw in ((video, render_video), (frames, render_frames)):
             if target is not None:
-                with _bar() as bar:
-                    task = bar.add_task(str(target), total=None)
-                    draw(
-                        scene,
-                        trajectories,
-                        target,
-                        **options,
-                        progress=lambda done, total: bar.update(task, completed=done, total=total),
-                    )
+                with _bar(str(target)) as progress:
+                    draw(scene, trajectories, target, **options, progress=progress)
                 err.print(f"wrote {target}")
 
 
@@ -134,40 +147,49 @@ def report(scene: Scene, trajectory: Trajectory) -> dict[str, Any]:
     }
 
 
-def skip_table(scene: Scene, name: str, trajectory: Trajectory) -> Table:
+def skip_table(trajectory: Trajectory) -> Table:
     """The touches of one stone, a row each."""
-    throw, stone = scene.throws[name], scene.stones[name]
-    table = Table(
-        title=(
-            f"{name}: {1e3 * stone.mass:.0f} g, {len(stone.faces)} triangles, thrown at "
-            f"{throw.speed:.3g} m/s, spin {throw.spin / (2.0 * math.pi):.3g} rev/s, "
-            f"attack {math.degrees(throw.attack):.3g}°, descent {math.degrees(throw.descent):.3g}°"
-        ),
-        title_justify="left",
-        title_style="bold",
-        header_style="cyan",
-    )
-    for heading in ("touch", "at", "from start", "speed in", "out", "attack in", "bank in"):
-        table.add_column(heading, justify="right")
-    for heading in ("depth", "contact", "airtime"):
-        table.add_column(heading, justify="right")
+    table = Table(header_style="cyan", box=SIMPLE_HEAD, padding=(0, 1))
+    for heading, unit in (
+        ("", ""),
+        ("time", "s"),
+        ("distance", "m"),
+        ("in", "m/s"),
+        ("out", "m/s"),
+        ("attack", "deg"),
+        ("bank", "deg"),
+        ("depth", "mm"),
+        ("contact", "ms"),
+        ("airtime", "ms"),
+    ):
+        table.add_column(f"{heading}\n{unit}", justify="right")
     start = trajectory.x[0]
     for number, contact in enumerate(trajectory.contacts, 1):
         entry, left = contact.entry, contact.exit
         away = math.hypot(entry.position[0] - start[0], entry.position[1] - start[1])
         table.add_row(
             str(number),
-            f"{entry.time:.3f} s",
-            f"{away:.2f} m",
-            f"{entry.speed:.2f} m/s",
-            f"{left.speed:.2f} m/s" if left else "-",
-            f"{math.degrees(entry.attack):.1f}°",
-            f"{math.degrees(entry.bank):.1f}°",
-            f"{1e3 * contact.depth:.1f} mm",
-            f"{1e3 * (left.time - entry.time):.1f} ms" if left else "stayed",
-            f"{1e3 * contact.airtime:.0f} ms" if left else "-",
+            f"{entry.time:.3f}",
+            f"{away:.2f}",
+            f"{entry.speed:.2f}",
+            f"{left.speed:.2f}" if left else "-",
+            f"{math.degrees(entry.attack):.1f}",
+            f"{math.degrees(entry.bank):.1f}",
+            f"{1e3 * contact.depth:.1f}",
+            f"{1e3 * (left.time - entry.time):.1f}" if left else "stayed",
+            f"{1e3 * contact.airtime:.0f}" if left else "-",
         )
     return table
+
+
+def headline(scene: Scene, name: str) -> str:
+    """One line: the stone and its throw."""
+    throw, stone = scene.throws[name], scene.stones[name]
+    return (
+        f"[bold]{name}[/] ({1e3 * stone.mass:.3g} g, {len(stone.faces)} triangles) "
+        f"at {throw.speed:.3g} m/s, {throw.spin / (2.0 * math.pi):.3g} rev/s, "
+        f"attack {math.degrees(throw.attack):.3g}°, descent {math.degrees(throw.descent):.3g}°"
+    )
 
 
 def verdict(trajectory: Trajectory) -> str:
@@ -181,15 +203,17 @@ def verdict(trajectory: Trajectory) -> str:
     skips = trajectory.skips
     wall = trajectory.attributes["wall_seconds"]
     return (
-        f"[bold green]{skips} skip{'' if skips == 1 else 's'}[/], {ends[trajectory.end]} "
-        f"({trajectory.attributes['engine']} {trajectory.attributes['integrator']}, "
+        f"[bold green]{skips} skip{'' if skips == 1 else 's'}[/], {ends[trajectory.end]}\n"
+        f"[dim]{trajectory.attributes['engine']} {trajectory.attributes['integrator']}, "
         f"{1e3 * trajectory.attributes['timestep']:g} ms steps, "
-        f"{trajectory.time[-1]:.2f} s simulated in {wall:.2f} s)\n"
+        f"{trajectory.time[-1]:.2f} s simulated in {wall:.2f} s[/]\n"
     )
 
 
-def _bar() -> Progress:
-    return Progress(
+@contextmanager
+def _bar(label: str) -> Iterator[Callable[[int, int], None]]:
+    """A progress bar on stderr: call what is yielded with the frames done and to do."""
+    with Progress(
         TextColumn("{task.description}"),
         BarColumn(),
         MofNCompleteColumn(),
@@ -198,17 +222,14 @@ def _bar() -> Progress:
         TimeRemainingColumn(),
         console=err,
         transient=True,
-    )
+    ) as progress:
+        task = progress.add_task(label, total=None)
+        yield lambda done, total: progress.update(task, completed=done, total=total)
 
 
-class _Rate(TextColumn):
+class _Rate(ProgressColumn):
     """Frames per second."""
 
-    def __init__(self) -> None:
-        super().__init__("")
-
-    def render(self, task: Any) -> Any:
+    def render(self, task: Task) -> Text:
         """The rate of a task as text."""
-        from rich.text import Text
-
         return Text(f"{task.speed:.0f}/s" if task.speed else "")
