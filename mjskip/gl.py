@@ -38,14 +38,12 @@ def offscreen() -> Iterator[None]:
             backend, chosen = gl_context, gl_context.GLContext
             backend.GLContext = GLContext
         yield
-    except (ImportError, AttributeError) as error:  # what PyOpenGL raises without its library
-        raise RenderError(f"no EGL library to draw with: {_NO_EGL}") from error
     except RenderError:
         raise
     except Exception as error:
         if _is_gl_trouble(error):
             raise RenderError(
-                f"no OpenGL context can be made: {_line(error)}; {_NO_EGL}"
+                f"no OpenGL context can be made ({_line(error)}): {_NO_EGL}"
             ) from error
         raise
     finally:
@@ -81,9 +79,11 @@ def is_software(name: str) -> bool:
 
 
 def _is_gl_trouble(error: Exception) -> bool:
-    module = type(error).__module__
+    # PyOpenGL raises these two where its library is missing
+    if isinstance(error, ImportError | AttributeError):
+        return True
     text = str(error).lower()
-    return module.startswith("OpenGL") or any(
+    return type(error).__module__.startswith("OpenGL") or any(
         word in text for word in ("egl", "opengl", "gladload", "glfw", "osmesa", "framebuffer")
     )
 
