@@ -14,6 +14,7 @@ from mjskip import _draw_kernels as kernels
 from mjskip import render, video
 from mjskip.errors import MjskipError, RenderError, SceneError
 from mjskip.scene import load_scene
+from mjskip.simulate import simulate_all
 from mjskip.skin import Grid, WaterSkin, add_water
 from mjskip.trajectory import Trajectory
 from mjskip.wake import Wake
@@ -356,6 +357,16 @@ def test_a_pose_beyond_the_ends_is_held():
     trajectory = flight()
     np.testing.assert_array_equal(render.pose_at(trajectory, 99.0)[0], trajectory.x[-1])
     np.testing.assert_array_equal(render.pose_at(trajectory, -1.0)[0], trajectory.x[0])
+
+
+def test_real_throws_of_two_stones_are_drawn_together():
+    duel = small("duel")
+    flights = simulate_all(duel)
+    pictures = list(render.frames(duel, flights, camera="top", size=SMALL, fps=10))
+    assert len(pictures) == len(render.frame_times(flights, fps=10))
+    assert all(one.shape == (120, 160, 3) for one in pictures)
+    first, later = pictures[0].astype(int), pictures[2].astype(int)
+    assert np.abs(first - later).max() > 40  # of 255: the wake of the first touch at 0.1 s
 
 
 def test_an_unknown_camera_lists_those_there_are():
