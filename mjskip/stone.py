@@ -250,9 +250,9 @@ def closed_mesh(mesh: Any, *, scale: float = 1.0, fix_normals: bool = False) -> 
     """
     if len(mesh.faces) == 0:
         raise MeshError("the mesh has no triangles: a stone needs a closed surface")
-    mesh = trimesh.Trimesh(np.asarray(mesh.vertices) * scale, mesh.faces, process=True)
-    if not np.isfinite(mesh.vertices).all():
+    if not np.isfinite(mesh.vertices).all():  # welding would drop them without a word
         raise MeshError("the mesh has vertices that are not finite: repair it first")
+    mesh = trimesh.Trimesh(np.asarray(mesh.vertices) * scale, mesh.faces, process=True)
     extent = float(np.ptp(mesh.vertices, axis=0).max())
     flat = int(np.sum(mesh.area_faces <= 1e-12 * extent**2))
     if flat:
@@ -272,9 +272,11 @@ def closed_mesh(mesh: Any, *, scale: float = 1.0, fix_normals: bool = False) -> 
         raise MeshError(
             "some triangles of the mesh face inwards: pass fix_normals=True to turn them"
         )
-    if abs(mesh.volume) <= 1e-9 * extent**3:
-        raise MeshError(f"the mesh has no volume ({mesh.volume:.3g} m^3): a stone must be solid")
-    if mesh.volume < 0.0:
+    with np.errstate(all="ignore"):  # trimesh divides by it
+        volume = float(mesh.volume)
+    if abs(volume) <= 1e-9 * extent**3:
+        raise MeshError(f"the mesh has no volume ({volume:.3g} m^3): a stone must be solid")
+    if volume < 0.0:
         raise MeshError("the normals of the mesh point inwards: pass fix_normals=True to turn them")
     return mesh
 
