@@ -38,7 +38,8 @@ def step_tiles(
     four = np.float32(4.0)
     thirty_six = np.float32(36.0)
     sixth = s / np.float32(6.0)
-    n = z.shape[1]
+    n = TILE  # a constant, so that loops over a row have no remainder
+    flat = z.reshape(z.size)
     for k in range(first, last):
         for r in range(-1, n + 1):
             # Which row this is: of this tile, of the one before or after, or its mirror at a wall.
@@ -47,15 +48,22 @@ def step_tiles(
                 band, i = (0, n - 1) if neighbours[k, 1] != WALL else (3, 0)
             elif r == n:
                 band, i = (6, 0) if neighbours[k, 7] != WALL else (3, n - 1)
-            west, east = neighbours[k, band], neighbours[k, band + 2]
-            wide = z[neighbours[k, band + 1], i]
+            west, tile, east = neighbours[k, band], neighbours[k, band + 1], neighbours[k, band + 2]
             row = rows[(r + 3) % 3]
-            before = z[west, i, n - 1] if west != WALL else wide[0]
-            after = z[east, i, 0] if east != WALL else wide[n - 1]
-            row[0] = (before + wide[1]) + four * wide[0]
-            for j in range(n - 2):
-                row[j + 1] = (wide[j] + wide[j + 2]) + four * wide[j + 1]
-            row[n - 1] = (wide[n - 2] + after) + four * wide[n - 1]
+            if tile == SLEEPING:
+                row[:] = np.float32(0.0)
+            else:
+                # One cell too far on either side (there is always a slot before and after), so that
+                # the row is summed in one go; its two ends are then set right.
+                start = (tile * n + i) * n
+                wide = flat[start - 1 : start + n + 1]
+                for j in range(n):
+                    row[j] = (wide[j] + wide[j + 2]) + four * wide[j + 1]
+            cells = z[tile, i]
+            before = z[west, i, n - 1] if west != WALL else cells[0]
+            after = z[east, i, 0] if east != WALL else cells[n - 1]
+            row[0] = (before + cells[1]) + four * cells[0]
+            row[n - 1] = (cells[n - 2] + after) + four * cells[n - 1]
             if r < 1:
                 continue
             below, middle = rows[(r + 1) % 3], rows[(r + 2) % 3]

@@ -292,8 +292,8 @@ class Lake:
         if slot is not None:
             return slot
         slot = self._used
-        if slot == len(self._z):
-            self._resize(2 * slot)
+        if slot + 1 == len(self._z):  # the kernel reads one cell into the slot after the last
+            self._resize(2 * slot + 2)
         self._used += 1
         self._z[slot] = 0.0
         self._prev[slot] = 0.0
@@ -333,7 +333,7 @@ class Lake:
                 self._slots[last] = slot
                 self._introduce(slot)
         if max(SMALLEST_POOL, 4 * self._used) < len(self._z):
-            self._resize(max(SMALLEST_POOL, 2 * self._used))
+            self._resize(max(SMALLEST_POOL, 2 * self._used + 2))
 
     def _wake_neighbours(self) -> None:
         calls = np.empty((8 * self._used, 2), np.int32)
