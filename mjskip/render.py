@@ -188,7 +188,7 @@ class Stage:
         spec = mujoco.MjSpec.from_file(str(scene.path))
         add_water(spec, grid)
         self.model = spec.compile()
-        self._camera = _camera(self.model, camera)
+        self._camera = check_camera(self.model, camera)
         self._addresses = {name: _free_joint(self.model, name) for name in self._flights}
         _hide_others(self.model, self._addresses)
         wide, high = size
@@ -271,7 +271,12 @@ def _rotated(vector: Array, attitude: Array) -> Array:
     return turned
 
 
-def _camera(model: Any, name: str) -> int:
+def check_camera(model: Any, name: str) -> int:
+    """Id of the camera of this name.
+
+    Raises:
+        SceneError: there is none; the text lists those there are.
+    """
     index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, name)
     if index < 0:
         known = [model.camera(k).name for k in range(model.ncam) if model.camera(k).name]

@@ -45,6 +45,9 @@ STEP_FRACTION = 0.5
 FROZEN = 1e12
 """Factor on the inertia of a stone that must not turn: its turn over a throw is below rounding."""
 
+MOST_STEPS = 1e7
+"""Every step is kept: ten million fill some gigabytes."""
+
 CHUNK = 200
 """Steps between looks at whether the run is over."""
 
@@ -95,6 +98,11 @@ def simulate_all(
     limits = limits or Limits()
     timestep = float(scene.model.opt.timestep) if timestep is None else timestep
     check_positive(timestep=timestep)
+    if limits.duration / timestep > MOST_STEPS:
+        raise ValueError(
+            f"duration {limits.duration:g} s at {timestep:g} s a step makes {limits.duration / timestep:.3g} "
+            f"steps: at most {MOST_STEPS:g} are allowed; shorten the duration or lengthen the step"
+        )
     if engine not in ENGINES:
         raise ValueError(f"engine is {engine!r}: use one of {', '.join(ENGINES)}")
     for name, stone in scene.stones.items():

@@ -27,7 +27,7 @@ from rich.text import Text
 from mjskip import __version__
 from mjskip.cli.options import Size, chosen_scene, throw_options
 from mjskip.recording import Limits
-from mjskip.render import gl_renderer, is_software, render_frames, render_video
+from mjskip.render import check_camera, gl_renderer, is_software, render_frames, render_video
 from mjskip.scene import Scene
 from mjskip.simulate import ENGINES, simulate_all
 from mjskip.trajectory import Trajectory
@@ -87,6 +87,7 @@ def run(
     limits = Limits(duration=duration)
     with err.status("preparing: the first run on a machine compiles for some seconds"):
         scene = chosen_scene(**throw)
+        check_camera(scene.model, camera)
         trajectories = simulate_all(
             scene,
             engine=engine,

@@ -1,0 +1,5 @@
+"""python -m mjskip is mjskip."""
+
+from mjskip.cli import main
+
+main()
