@@ -39,6 +39,7 @@ ROW = 13  # doubles for one triangle
 
 STATE = 18
 WRENCH = 12  # water force, water torque, air force, air torque
+IMMERSION = 5  # area, its centroid, height of the lowest point
 
 
 @kernel
@@ -267,3 +268,9 @@ def _entry(block: Any, state: Any, out: Any) -> None:
     """`body_wrench` as C: void(double*, double*, double*)."""
     size = HEADER + int(block[N_TRIANGLES]) * ROW
     body_wrench(numba.carray(block, size), numba.carray(state, STATE), numba.carray(out, WRENCH))
+
+
+def _immersion_entry(block: Any, state: Any, out: Any) -> None:
+    """`body_immersion` as C: void(double*, double*, double*)."""
+    size = HEADER + int(block[N_TRIANGLES]) * ROW
+    body_immersion(numba.carray(block, size), numba.carray(state, STATE), numba.carray(out, IMMERSION))

@@ -11,6 +11,7 @@ import ctypes
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -21,6 +22,9 @@ from mujoco.introspect import ast_nodes
 from mujoco.introspect.structs import STRUCTS
 
 from mjskip.errors import MjskipError
+
+library = ctypes.CDLL(str(next(Path(mujoco.__file__).parent.glob("libmujoco.*"))))
+"""The shared object that MuJoCo's bindings have already loaded."""
 
 DTYPES: dict[str, Any] = {
     "mjtNum": np.float64,
@@ -186,6 +190,10 @@ def _misplaced(struct: str, owner: Any, names: Iterable[str]) -> list[str]:
         if isinstance(shown, np.ndarray) and shown.size and member.extent is not None:
             if ctypes.c_uint64.from_address(at).value != shown.ctypes.data:
                 wrong.append(name)
-        elif isinstance(shown, int) and member.kind in DTYPES and _array(at, member.kind, (1,))[0] != shown:
+        elif (
+            isinstance(shown, int)
+            and member.kind in DTYPES
+            and _array(at, member.kind, (1,))[0] != shown
+        ):
             wrong.append(name)
     return wrong
