@@ -158,7 +158,7 @@ _old_maps: deque[Any] = deque(maxlen=1000)
 
 
 @cache
-def _callback() -> Any:
+def compile_callback() -> Any:
     """The compiled callback and its address (first use compiles, about ten seconds, then cached)."""
     tables.root[tables.WRENCH] = wrench_address()
     function = compile_native(types.void(types.int64, types.int64))(tables.control)
@@ -168,7 +168,7 @@ def _callback() -> Any:
 def _install_native(coupling: Coupling) -> Any:
     slot = ctypes.c_void_p.in_dll(tables.library, "mjcb_control")
     with _lock:
-        _, address = _callback()
+        _, address = compile_callback()
         _register(coupling)
         if slot.value != address:  # chain to whoever was here; a nested attach finds itself
             tables.root[tables.PREVIOUS] = slot.value or 0
