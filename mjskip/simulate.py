@@ -7,10 +7,10 @@ import math
 import os
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import cache
 from dataclasses import asdict, replace
+from functools import cache
 from importlib.metadata import version
 from typing import Any, Literal, get_args
 
@@ -18,7 +18,7 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from mjskip.attitude import matrices
+from mjskip.attitude import angles, matrices
 from mjskip.bodies import find_body
 from mjskip.coupling import attach, compile_callback
 from mjskip.errors import DivergedError, MjskipWarning, SceneError
@@ -29,6 +29,7 @@ from mjskip.scene import Scene, load_scene
 from mjskip.stone import Stone, check_positive
 from mjskip.throw import State, Throw
 from mjskip.trajectory import Trajectory
+from mjskip.water import Water
 
 Array = npt.NDArray[np.float64]
 Engine = Literal["mujoco", "reference"]
@@ -106,8 +107,17 @@ def simulate_all(
         )
     if engine not in ENGINES:
         raise ValueError(f"engine is {engine!r}: use one of {', '.join(ENGINES)}")
-    for name, stone in scene.stones.items():
-        _doubt_timestep(name, stone, scene.throws[name], timestep)
+    if scene.plugged and scene.water != scene.plugged[scene.body]:
+        raise ValueError(
+            f"the water of {scene.body!r} comes from the plugin in {scene.path}: change its <config> there"
+        )
+    if scene.held and (engine != "mujoco" or frozen_attitude):
+        raise ValueError(
+            f"{', '.join(scene.held)}: thrown by an arm, so that engine must be 'mujoco' (the reference "
+            "engine knows no arm) and the attitude free"
+        )
+    for name in scene.stones.keys() - scene.held:
+        _doubt_timestep(name, scene.stones[name], scene.throws[name], timestep)
     if frozen_attitude:
         scene = replace(scene, throws={n: replace(t, spin=0.0) for n, t in scene.throws.items()})
     warm_up()
@@ -115,6 +125,8 @@ def simulate_all(
     run = _by_mujoco if engine == "mujoco" else _by_reference
     trajectories, used = run(scene, integrator, timestep, limits, frozen_attitude)
     wall = time.perf_counter() - begun
+    thrown = {name: _thrown(scene, name, trajectories[name]) for name in scene.held}
+    scene = replace(scene, throws={**scene.throws, **thrown})
     for name, trajectory in trajectories.items():
         trajectory.attributes.update(
             version=version("mjskip"),
@@ -126,7 +138,7 @@ def simulate_all(
             gravity=float(-scene.model.opt.gravity[2]),
             frozen_attitude=frozen_attitude,
             throw=asdict(scene.throws[name]),
-            water=asdict(scene.water),
+            water=asdict(_water_of(scene, name)),
             limits=asdict(limits),
             wall_seconds=wall,
         )
@@ -160,9 +172,11 @@ def _doubt_timestep(name: str, stone: Stone, throw: Throw, timestep: float) -> N
 
 
 def _releases(scene: Scene) -> dict[str, State]:
-    """How every stone leaves the hand, above the place where the scene has it."""
+    """How every stone leaves the hand, above the place where the scene has it; not those an arm holds."""
     found = {}
     for name, stone in scene.stones.items():
+        if name in scene.held:
+            continue
         body = scene.model.body(find_body(scene.model, name))
         found[name] = scene.throws[name].state(stone, x=float(body.pos[0]), y=float(body.pos[1]))
     return found
@@ -213,25 +227,68 @@ def _by_mujoco(
     free = {name: _FreeBody(model, name) for name in scene.stones}
     for name, start in _releases(scene).items():
         free[name].place(data, start)
-    logs = {name: Log(name, stone, scene.water, limits) for name, stone in scene.stones.items()}
+    logs = {
+        name: Log(name, stone, _water_of(scene, name), limits)
+        for name, stone in scene.stones.items()
+    }
     done = 0
     qpos, qvel = np.empty((CHUNK, model.nq)), np.empty((CHUNK, model.nv))
-    with _unlogged(), attach(model, data, water=scene.water, bodies=list(scene.stones)) as coupling:
+    with _unlogged(), _water_on(scene, model, data) as check:
         count = 1
         qpos[0], qvel[0] = data.qpos, data.qvel
         while True:
             times: Array = timestep * np.arange(done, done + count, dtype=np.float64)
             for name, log in logs.items():
                 log.extend(times, free[name].states(qpos[:count], qvel[:count]))
-            coupling.check()
+            check()
             _check_warnings(data)
             if all(log.end for log in logs.values()):
                 break
             done, count = done + count, CHUNK
             for row in range(CHUNK):
+                scene.arm.act(model, data)
                 mujoco.mj_step(model, data)
                 qpos[row], qvel[row] = data.qpos, data.qvel
     return {name: log.trajectory({}) for name, log in logs.items()}, used
+
+
+def _water_of(scene: Scene, name: str) -> Water:
+    return scene.plugged.get(name, scene.water)
+
+
+@contextmanager
+def _water_on(
+    scene: Scene, model: mujoco.MjModel, data: mujoco.MjData
+) -> Iterator[Callable[[], None]]:
+    """Water on the stones, by `attach` unless the model brings its own; yields a check of its forces."""
+    if scene.plugged:
+        yield lambda: None  # the plugin's doubts are warnings in the data
+    else:
+        with attach(model, data, water=scene.water, bodies=list(scene.stones)) as coupling:
+            yield coupling.check
+
+
+def _thrown(scene: Scene, name: str, trajectory: Trajectory) -> Throw:
+    """The throw that an arm made, as it was when the stone was let go."""
+    model, body = scene.model, find_body(scene.model, name)
+    let_go = max(
+        when
+        for grip, when in scene.arm.releases.items()
+        if body in (model.equality(grip).obj1id[0], model.equality(grip).obj2id[0])
+    )
+    k = min(int(np.searchsorted(trajectory.time, let_go)), len(trajectory.time) - 1)
+    velocity, omega = trajectory.velocity[k], trajectory.omega[k]
+    normal = matrices(trajectory.q[k]) @ scene.stones[name].disc_normal
+    attack, bank, spin = angles(normal, velocity, omega)
+    return Throw(
+        speed=float(np.linalg.norm(velocity)),
+        spin=float(spin),
+        attack=float(attack),
+        descent=float(np.arctan2(-velocity[2], np.hypot(velocity[0], velocity[1]))),
+        bank=float(bank),
+        wobble=float(np.linalg.norm(omega - spin * normal)),
+        height=max(0.0, float(trajectory.clearance[k])),
+    )
 
 
 class _FreeBody:
