@@ -150,6 +150,8 @@ class Lake:
         )
         at = (np.column_stack([c.ravel() for c in columns]) - self._origin) / self.spacing
         out = np.zeros((len(at), 4))
+        nowhere = ~np.isfinite(at).all(axis=1)
+        at[nowhere] = 0.0
         home = np.floor_divide(at, TILE).astype(np.int64)
         home = (home[:, 0] << 32) + home[:, 1]
         for name in np.unique(home):
@@ -172,6 +174,7 @@ class Lake:
                 self.spacing, self._last_timestep, local,
             )  # fmt: skip
             out[points] = local
+        out[nowhere] = 0.0
         return SurfaceSample(elevation=out[:, 0], slope=out[:, 1:3], vertical_speed=out[:, 3])
 
     # What acts on it ----------------------------------------------------------------------------
