@@ -135,7 +135,8 @@ def _couple(
             "this model has no free body: give the stone a <freejoint/>, or name bodies="
         )
     stones = [body_stone(model, body, geoms=geoms) for body in ids]
-    blocks = [pack(stone, water) for stone in stones]
+    gravity = float(-model.opt.gravity[2])
+    blocks = [pack(stone, water, gravity=gravity) for stone in stones]
     frames = [np.array([*model.body_ipos[body], 1.0, 0.0, 0.0, 0.0]) for body in ids]
     words = [model.nbody, len(ids), -1, 0]
     for body, frame, block in zip(ids, frames, blocks, strict=True):

@@ -56,12 +56,14 @@ class Limits:
 class Log:
     """Collects the motion of one stone, chunk by chunk, and says when it is over."""
 
-    def __init__(self, name: str, stone: Stone, water: Water, limits: Limits) -> None:
+    def __init__(
+        self, name: str, stone: Stone, water: Water, limits: Limits, *, gravity: float = 9.81
+    ) -> None:
         self.name = name
         self.stone = stone
         self.limits = limits
         self.end: str | None = None
-        self._block = pack(stone, water)
+        self._block = pack(stone, water, gravity=gravity)
         self._times: list[Array] = []
         self._states: list[Array] = []
         self._observed: list[Array] = []

@@ -72,8 +72,8 @@ def integrate(
     inertia = np.zeros((3, 3)) if frozen_attitude else _inverse(stone.inertia)
     y = _packed(stone, start)
     stepper = _adaptive if method == "adaptive" else _fixed
-    log = Log(name, stone, water, limits)
-    problem = _Problem(pack(stone, water), stone.mass, inertia, np.array(gravity))
+    log = Log(name, stone, water, limits, gravity=-gravity[2])
+    problem = _Problem(pack(stone, water, gravity=-gravity[2]), stone.mass, inertia, np.array(gravity))
     first = np.empty((1, kernels.STATE))
     kernels.motion(y, stone.mass, inertia, first[0])
     log.extend(np.zeros(1), first)

@@ -213,7 +213,11 @@ def _by_mujoco(
     free = {name: _FreeBody(model, name) for name in scene.stones}
     for name, start in _releases(scene).items():
         free[name].place(data, start)
-    logs = {name: Log(name, stone, scene.water, limits) for name, stone in scene.stones.items()}
+    gravity = float(-model.opt.gravity[2])
+    logs = {
+        name: Log(name, stone, scene.water, limits, gravity=gravity)
+        for name, stone in scene.stones.items()
+    }
     done = 0
     qpos, qvel = np.empty((CHUNK, model.nq)), np.empty((CHUNK, model.nv))
     with _unlogged(), attach(model, data, water=scene.water, bodies=list(scene.stones)) as coupling:
