@@ -125,6 +125,52 @@ def step_sponge(
 
 
 @kernel
+def step_masked(
+    z: Grid,
+    prev: Grid,
+    i0: int,
+    i1: int,
+    j0: int,
+    j1: int,
+    keep: np.float32,
+    m: np.float32,
+    r: np.float32,
+    edge: np.float32,
+    corner: np.float32,
+    sponge_x: Grid,
+    sponge_y: Grid,
+    wet: Grid,
+) -> None:
+    """The step around obstacles: `wet` is 1 in water, 0 on land, where the surface stays at 0.
+
+    Each neighbour gives weight (z_neighbour - z) if it is wet. What one cell gains its neighbour
+    loses, so volume is conserved; and leaving terms out only lowers the frequencies, so the limit
+    on the step holds. `keep` is 1 in a step.
+    """
+    n = j1 - j0
+    one = np.float32(1.0)
+    for i in range(i0, i1):
+        below, here = z[i - 1, j0 - 1 : j1 + 1], z[i, j0 - 1 : j1 + 1]
+        above = z[i + 1, j0 - 1 : j1 + 1]
+        wet_below, wet_here = wet[i - 1, j0 - 1 : j1 + 1], wet[i, j0 - 1 : j1 + 1]
+        wet_above = wet[i + 1, j0 - 1 : j1 + 1]
+        soft, out = sponge_y[j0:j1], prev[i, j0:j1]
+        friction_x = m + sponge_x[i]
+        for j in range(n):
+            level = here[j + 1]
+            friction = friction_x + soft[j]
+            edges = (
+                wet_below[j + 1] * (below[j + 1] - level)
+                + wet_above[j + 1] * (above[j + 1] - level)
+            ) + (wet_here[j] * (here[j] - level) + wet_here[j + 2] * (here[j + 2] - level))
+            corners = (
+                wet_below[j] * (below[j] - level) + wet_below[j + 2] * (below[j + 2] - level)
+            ) + (wet_above[j] * (above[j] - level) + wet_above[j + 2] * (above[j + 2] - level))
+            change = (keep - friction) * (level - out[j]) + r * (edge * edges + corner * corners)
+            out[j] = level + wet_here[j + 1] * change / (one + friction)
+
+
+@kernel
 def fill_ghosts(
     z: Grid, prev: Grid, i1: int, j0: int, j1: int, boundary: int, outgoing: np.float32
 ) -> None:
@@ -196,12 +242,15 @@ def add_head(
     boundary: int,
     edge: float,
     corner: float,
+    wet: Grid,
 ) -> None:
     """out += edge-and-corner Laplacian of `head`, whose cell (0, 0) is cell (first_i, first_j).
 
     Cells of the head that lie outside the grid are dropped (PERIODIC: they come in on the other
-    side); at the walls it is mirrored as the surface is, so that what is added sums to zero.
+    side); at the walls it is mirrored as the surface is, so that what is added sums to zero. `wet`
+    is the mask of `step_masked`, or empty.
     """
+    masked = wet.size > 0
     nx, ny = i1 - 1, j1 - j0
     high, wide = head.shape
     for a in range(-1, high + 1):
@@ -211,6 +260,8 @@ def add_head(
         for b in range(-1, wide + 1):
             j = first_j + b - j0
             if boundary != PERIODIC and not 0 <= j < ny:
+                continue
+            if masked and wet[1 + i % nx, j0 + j % ny] == 0.0:
                 continue
             total = 0.0
             here = 0.0
@@ -224,6 +275,8 @@ def add_head(
                     if boundary != PERIODIC:
                         c = min(max(i + da, 0), nx - 1) - i + a
                         d = min(max(j + db, 0), ny - 1) - j + b
+                    if masked and wet[1 + (i + c - a) % nx, j0 + (j + d - b) % ny] == 0.0:
+                        continue
                     there = 0.0
                     if 0 <= c < high and 0 <= d < wide:
                         there = head[c, d]

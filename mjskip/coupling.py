@@ -134,6 +134,13 @@ def _couple(
         raise SceneError(
             "this model has no free body: give the stone a <freejoint/>, or name bodies="
         )
+    if geoms is not None:
+        has = [model.geom(g).name for g in range(model.ngeom) if model.geom_bodyid[g] in ids]
+        for geom in geoms:
+            if geom not in has:
+                raise SceneError(
+                    f"no geom {geom!r} on these bodies: their geoms are {', '.join(has)}"
+                )
     stones = [body_stone(model, body, geoms=geoms) for body in ids]
     gravity = float(-model.opt.gravity[2])
     blocks = [pack(stone, water, gravity=gravity) for stone in stones]
@@ -154,6 +161,7 @@ def _couple(
 
 _lock = threading.RLock()
 _attached: dict[int, Coupling] = {}
+_in_python: set[int] = set()
 _old_maps: deque[Any] = deque(maxlen=1000)
 """Maps that a callback in another thread may still be reading; it does so for microseconds."""
 
@@ -188,10 +196,14 @@ def _install_native(coupling: Coupling) -> Any:
 
 def _register(coupling: Coupling) -> None:
     address = coupling.model._address
-    if address in _attached:
-        raise SceneError("this model is attached already: one attach() can name several bodies")
+    _refuse_attached(address)
     _attached[address] = coupling
     _publish()
+
+
+def _refuse_attached(address: int) -> None:
+    if address in _attached or address in _in_python:
+        raise SceneError("this model is attached already: one attach() can name several bodies")
 
 
 def _publish() -> None:
@@ -212,17 +224,43 @@ def _publish() -> None:
 
 
 def _install_python(coupling: Coupling) -> Any:
-    previous = mujoco.get_mjcb_control()
+    slot = ctypes.c_void_p.in_dll(tables.library, "mjcb_control")
+    address, name = slot.value, mujoco.get_mjcb_control()
+    model_address = coupling.model._address
+    chained: Any = None
 
     def callback(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        if previous is not None:
-            previous(model, data)
-        if model._address != coupling.model._address:
+        if chained is not None:
+            chained(model, data)
+        if model._address != model_address:
             return
         for body in coupling.bodies:
             found = coupling.wrench(data, body)
-            data.xfrc_applied[body, :3] = found.force + found.air_force
-            data.xfrc_applied[body, 3:] = found.torque + found.air_torque
+            load = np.hstack([found.force + found.air_force, found.torque + found.air_torque])
+            if not np.isfinite(load).all():
+                load[:] = 0.0
+                if coupling._entry[tables.FAILED] < 0:
+                    when = coupling._entry[tables.FAILURE_TIME : tables.FAILURE_TIME + 1]
+                    when.view(np.float64)[0] = data.time
+                    coupling._entry[tables.FAILED] = body
+            data.xfrc_applied[body] = load
 
-    mujoco.set_mjcb_control(callback)
-    return lambda: mujoco.set_mjcb_control(previous)
+    with _lock:
+        _refuse_attached(model_address)
+        mujoco.set_mjcb_control(callback)
+        _in_python.add(model_address)
+    if address == slot.value:  # the bindings' own entry, which leads to a Python function
+        chained = name
+    elif address:
+        native = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)(address)
+
+        def chained(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+            native(model._address, data._address)
+
+    def remove() -> None:
+        with _lock:
+            _in_python.discard(model_address)
+            mujoco.set_mjcb_control(name)
+            slot.value = address  # of a C function that the bindings know nothing of
+
+    return remove

@@ -19,10 +19,13 @@ from mjskip._stencil import (
 )
 from mjskip.errors import MjskipError
 from mjskip.waves import FloatArray, SurfaceArray, SurfaceSample
+from mjskip.waves.dense import round_head
 
 TILE = tiles.TILE
 STEPS_BETWEEN_BEDTIMES = 16
 """Steps between looks for tiles that may sleep: a look costs about as much as a step."""
+
+NO_MASK = np.zeros((0, 0), np.float32)
 
 SMALLEST_POOL = 8
 """Tiles there is always room for."""
@@ -404,11 +407,7 @@ class Lake:
             -reach < p < n - 1 + reach for p, n in zip(at, self.shape, strict=True)
         ):
             return None
-        i, j = (math.ceil(p - reach) for p in at)
-        nx, ny = (math.floor(p + reach) - k + 1 for p, k in zip(at, (i, j), strict=True))
-        head = np.empty((nx, ny), np.float32)
-        kernels.fill_head(head, at[0] - i, at[1] - j, reach, volume)
-        return head, i, j
+        return round_head(at, reach, volume)
 
     def _press_once(self, head: SurfaceArray, i: int, j: int, edge: float, corner: float) -> None:
         """z += (edge, corner) Laplacian of the head, on the head's cells and one more all round."""
@@ -418,6 +417,6 @@ class Lake:
         block = np.zeros((i1 - i0 + 2, j1 - j0 + 2), np.float32)
         kernels.add_head(
             block, head, i - i0 + 1, j - j0 + 1, i1 - i0 + 1, 1, j1 - j0 + 1, kernels.REFLECT,
-            edge, corner,
+            edge, corner, NO_MASK,
         )  # fmt: skip
         self._add(block[1:-1, 1:-1], i0, j0)

@@ -1,43 +1,32 @@
 """The water surface: Lee & Baek's damped wave equation on a grid, driven by loads."""
 
 import math
-import os
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from mjskip import _wave_kernels as kernels
 from mjskip._grid import (
-    aligned_zeros,
     checked_finite,
     checked_name,
     checked_number,
     checked_shape,
     positions,
-    refuse_if_too_large,
 )
 from mjskip._stencil import (
     BOUNDARIES,
     COURANT_LIMITS,
     SAFE_FRACTION,
-    SPONGE_CELLS,
     STENCILS,
-    WEIGHTS,
     Boundary,
     Stencil,
     paper_limit,
     reach_of,
-    sponge,
     unstable,
 )
-
-FloatArray = npt.NDArray[np.float64]
-SurfaceArray = npt.NDArray[np.float32]
-
-CELLS_PER_THREAD = 1 << 21
-"""With fewer cells to itself a thread costs more than it saves."""
+from mjskip.waves.dense import DenseWater, FloatArray, Head, SurfaceArray, round_head
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,6 +69,7 @@ class HeightField:
         boundary: Boundary = "reflect",
         *,
         centre: tuple[float, float] = (0.0, 0.0),
+        land: npt.ArrayLike | None = None,
         threads: int | None = None,
     ) -> None:
         """Make still water.
@@ -94,6 +84,7 @@ class HeightField:
             boundary: "reflect" (walls; volume is conserved), "absorb" (open water: waves leave
                 through a layer of friction outside the field) or "periodic".
             centre: (x, y) of the middle of the field [m].
+            land: `shape`, True where an island or a pier leaves no water; waves reflect off it.
             threads: how many share a step; None picks by size. The result does not depend on it.
 
         Raises:
@@ -111,27 +102,19 @@ class HeightField:
         if threads is not None and threads < 1:
             raise ValueError(f"threads is {threads!r}: give at least 1, or None to pick by size")
 
-        self._margin = SPONGE_CELLS if boundary == "absorb" else 0
-        nx, ny = (n + 2 * self._margin for n in self.shape)
-        self._i1, self._j0, self._j1 = nx + 1, kernels.FIRST, kernels.FIRST + ny
-        stride = -(-(self._j1 + 1) // 16) * 16
-        refuse_if_too_large(self.shape, 2 * 4 * (nx + 2) * stride)
-        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
-        self._threads = threads or max(1, min(cores, nx * ny // CELLS_PER_THREAD))
-        self._z = aligned_zeros(nx + 2, stride)
-        self._prev = aligned_zeros(nx + 2, stride)
-        self._rows = [aligned_zeros(3, stride) for _ in range(self._threads)]
-        rate = self.wave_speed / self.spacing if self._margin else 0.0
-        self._sponge = (sponge(nx, 1, nx + 2, rate), sponge(ny, self._j0, stride, rate))
-        self._code = kernels.BOUNDARY_CODES[boundary]
-        self._sweeper = kernels.step_five if stencil == "five_point" else kernels.step_nine
-        self._cuts = {
-            margin: np.linspace(1 + margin, nx + 1 - margin, self._threads + 1).astype(int).tolist()
-            for margin in (0, self._margin)
-        }
-        self._pool: tuple[int, ThreadPoolExecutor] | None = None
-        self._loads: list[tuple[SurfaceArray, int, int]] = []
-        self._last_timestep = 0.0
+        self.land = None if land is None else np.array(land, np.bool_)
+        if self.land is not None and self.land.shape != self.shape:
+            raise ValueError(f"land has shape {self.land.shape}: give the field's, {self.shape}")
+        if self.land is not None and self.land.all():
+            raise ValueError("land covers every cell: leave some water")
+        if self.land is not None and self.stencil == "paper_eq8":
+            raise ValueError("stencil paper_eq8 knows no land: use nine_point or five_point")
+
+        self._water = DenseWater(
+            self.shape, self.wave_speed / self.spacing, self.damping, self.stencil, self.boundary,
+            land=self.land, threads=threads,
+        )  # fmt: skip
+        self._loads: list[Head] = []
         self.time = 0.0
         """Simulated time [s]."""
         self.x: FloatArray = positions(self.shape[0], self.centre[0], self.spacing)
@@ -144,15 +127,16 @@ class HeightField:
     @property
     def elevation(self) -> SurfaceArray:
         """(nx, ny) [m], a view of the present surface: ask again after a step."""
-        return self._cells(self._z)
+        return self._water.cells(self._water.z)
 
     @property
     def velocity(self) -> SurfaceArray:
         """(nx, ny) vertical speed [m/s] from the last two levels: half a step behind, a copy."""
-        if self._last_timestep == 0.0:
+        water = self._water
+        if water.last_timestep == 0.0:
             return np.zeros(self.shape, np.float32)
-        difference = self._cells(self._z) - self._cells(self._prev)
-        return difference / np.float32(self._last_timestep)
+        difference = water.cells(water.z) - water.cells(water.prev)
+        return difference / np.float32(water.last_timestep)
 
     @property
     def max_timestep(self) -> float:
@@ -186,9 +170,10 @@ class HeightField:
         )
         at = np.column_stack(self._in_cells(points_x.ravel(), points_y.ravel()))
         out = np.empty((len(at), 4))
+        water = self._water
         kernels.sample_points(
-            self._z, self._prev, self._i1, self._j0, self._j1, self._code, at,
-            self.spacing, self._last_timestep, out,
+            water.z, water.prev, water.i1, water.j0, water.j1, water.code, at,
+            self.spacing, water.last_timestep, out,
         )  # fmt: skip
         return SurfaceSample(elevation=out[:, 0], slope=out[:, 1:3], vertical_speed=out[:, 3])
 
@@ -226,9 +211,14 @@ class HeightField:
         checked_number("density", density, "kg/m^3", positive=True)
         checked_number("gravity", gravity, "m/s^2", positive=True)
         head_volume = force / (density * gravity * self.spacing**2)
-        patch = self._round_patch(x, y, radius, head_volume)
-        if patch is not None and force != 0.0:
-            self._loads.append(patch)
+        reach = reach_of(radius, self.spacing)
+        at_x, at_y = (float(at[0]) for at in self._in_cells(np.array([x]), np.array([y])))
+        nx, ny = self._water.i1 - 1, self._water.j1 - self._water.j0
+        if self.boundary == "periodic":
+            at_x, at_y = at_x % nx, at_y % ny
+        if force != 0.0 and -reach < at_x < nx - 1 + reach and -reach < at_y < ny - 1 + reach:
+            first = 1, self._water.j0
+            self._loads.append(round_head((at_x, at_y), reach, head_volume, first=first))
 
     def displace(self, x: float, y: float, *, height: float, radius: float) -> None:
         """Raise the surface by a smooth round bump, leaving its vertical speed as it is.
@@ -247,15 +237,37 @@ class HeightField:
         east, north = (self.x[:, None] - x) / self.spacing, (self.y[None, :] - y) / self.spacing
         profile = np.maximum(1.0 - (east**2 + north**2) / reach**2, 0.0) ** 2
         bump = (height * profile).astype(np.float32)
-        self._cells(self._z)[...] += bump
-        self._cells(self._prev)[...] += bump
+        if self.land is not None:
+            bump[self.land] = 0.0
+        self._water.cells(self._water.z)[...] += bump
+        self._water.cells(self._water.prev)[...] += bump
+
+    def set(self, elevation: npt.ArrayLike, vertical_speed: npt.ArrayLike = 0.0) -> None:
+        """Replace the surface.
+
+        Args:
+            elevation: (nx, ny), or what broadcasts to it [m].
+            vertical_speed: the same [m/s].
+
+        Raises:
+            ValueError: a value is not finite, or a shape does not fit.
+        """
+        z = np.broadcast_to(np.asarray(elevation, np.float32), self.shape)
+        v = np.broadcast_to(np.asarray(vertical_speed, np.float32), self.shape)
+        if not (np.isfinite(z).all() and np.isfinite(v).all()):
+            raise ValueError("the elevation or vertical speed holds a value that is not finite")
+        water = self._water
+        water.reset()
+        water.cells(water.z)[...] = z if self.land is None else np.where(self.land, 0.0, z)
+        timestep = 0.5 * self.max_timestep
+        water.retime(timestep)
+        back = np.float32(timestep + 0.5 * self.damping * timestep**2) * v
+        water.cells(water.prev)[...] -= back if self.land is None else np.where(self.land, 0, back)
 
     def reset(self) -> None:
         """Still water at time 0, no loads."""
-        self._z[...] = 0.0
-        self._prev[...] = 0.0
+        self._water.reset()
         self._loads.clear()
-        self._last_timestep = 0.0
         self.time = 0.0
 
     # Time ---------------------------------------------------------------------------------------
@@ -291,116 +303,61 @@ class HeightField:
             self._loads.clear()
         return steps
 
-    # Inside -------------------------------------------------------------------------------------
-
-    def _cells(self, grid: SurfaceArray) -> SurfaceArray:
-        i, j = 1 + self._margin, self._j0 + self._margin
-        return grid[i : i + self.shape[0], j : j + self.shape[1]]
+    def _step(self, timestep: float) -> None:
+        self._water.step(timestep, self._loads)
+        self.time += timestep
 
     def _in_cells(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Positions in cells, (0, 0) being the first stored cell."""
         return (
-            (x - self.x[0]) / self.spacing + self._margin,
-            (y - self.y[0]) / self.spacing + self._margin,
+            (x - self.x[0]) / self.spacing + self._water.margin,
+            (y - self.y[0]) / self.spacing + self._water.margin,
         )
 
-    def _round_patch(
-        self, x: float, y: float, radius: float, volume: float
-    ) -> tuple[SurfaceArray, int, int] | None:
-        """A round head of this volume [cells x m] and its first cell; None if it is all outside."""
-        reach = reach_of(radius, self.spacing)
-        at_x = (x - float(self.x[0])) / self.spacing + self._margin
-        at_y = (y - float(self.y[0])) / self.spacing + self._margin
-        nx, ny = self._i1 - 1, self._j1 - self._j0
-        if self.boundary == "periodic":
-            at_x, at_y = at_x % nx, at_y % ny
-        elif not (-reach < at_x < nx - 1 + reach and -reach < at_y < ny - 1 + reach):
-            return None
-        i, j = math.ceil(at_x - reach), math.ceil(at_y - reach)
-        head = np.empty(
-            (math.floor(at_x + reach) - i + 1, math.floor(at_y + reach) - j + 1), np.float32
-        )
-        kernels.fill_head(head, at_x - i, at_y - j, reach, volume)
-        return head, 1 + i, self._j0 + j
+    # Files --------------------------------------------------------------------------------------
 
-    def _step(self, timestep: float) -> None:
-        r = (self.wave_speed * timestep / self.spacing) ** 2
-        m = 0.5 * self.damping * timestep
-        outgoing = math.sqrt(r)
-        outgoing = (outgoing - 1.0) / (outgoing + 1.0)
-        kernels.fill_ghosts(
-            self._z, self._prev, self._i1, self._j0, self._j1, self._code,
-            np.float32(outgoing),
-        )  # fmt: skip
-        if timestep != self._last_timestep:
-            self._retime(timestep)
-        if self.stencil != "paper_eq8":
-            self._sweep((1.0 - m) / (1.0 + m), r / (1.0 + m), self._margin)
-        if self._margin or self.stencil == "paper_eq8":
-            self._sweep_slowly(m, r, timestep)
-        self._z, self._prev = self._prev, self._z
-        for head, i, j in self._loads:
-            edge, corner = (weight * r / (1.0 + m) for weight in WEIGHTS[self.stencil])
-            kernels.add_head(
-                self._z, head, i, j, self._i1, self._j0, self._j1, self._code,
-                edge, corner,
-            )  # fmt: skip
-        self._last_timestep = timestep
-        self.time += timestep
+    def save(self, path: str | Path) -> None:
+        """Write settings and state to a NumPy archive; `load` goes on from there to the last bit.
 
-    def _retime(self, timestep: float) -> None:
-        """Replace the previous level by the one a step of this size would have come from.
-
-        With v = (z - z-)/t0 half an old step ago and a = c^2 L - mu v, the level one new step ago
-        is z - t1 (v + a t0/2) + a t1^2/2: the kernel's own form with other coefficients. Water
-        that has not moved yet (t0 = 0) starts at rest: z + a t1^2 / 2.
+        Loads that wait for the next step are not kept.
         """
-        t0, t1 = self._last_timestep, timestep
-        gain = 0.5 * t1 * (t1 - t0)
-        backwards = -t1 / t0 - self.damping * gain / t0 if t0 > 0.0 else 0.0
-        self._sweep(backwards, gain * (self.wave_speed / self.spacing) ** 2, 0)
+        settings = {
+            "shape": self.shape,
+            "spacing": self.spacing,
+            "wave_speed": self.wave_speed,
+            "damping": self.damping,
+            "stencil": self.stencil,
+            "boundary": self.boundary,
+            "centre": self.centre,
+        }
+        water = self._water
+        state = {"z": water.z, "prev": water.prev, "last_timestep": water.last_timestep}
+        land = {} if self.land is None else {"land": self.land}
+        with Path(path).open("wb") as file:
+            np.savez(file, **settings, **state, **land, time=self.time)  # type: ignore[arg-type]
 
-    def _sweep(self, q: float, s: float, margin: int) -> None:
-        """prev = z + q (z - prev) + s L(z) inside the margin, rows shared by threads."""
-        cuts = self._cuts[margin]
-        j0, j1 = self._j0 + margin, self._j1 - margin
+    @classmethod
+    def load(cls, path: str | Path) -> "HeightField":
+        """Read what `save` wrote.
 
-        def band(k: int) -> None:
-            self._sweeper(
-                self._z, self._prev, cuts[k], cuts[k + 1], j0, j1, np.float32(q), np.float32(s),
-                self._rows[k],
+        Raises:
+            ValueError: the file is not there or is no water surface.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as archive:
+                stored = {name: archive[name] for name in archive.files}
+            field = cls(
+                tuple(stored["shape"].tolist()), float(stored["spacing"]),
+                float(stored["wave_speed"]), float(stored["damping"]), str(stored["stencil"]),  # type: ignore[arg-type]
+                str(stored["boundary"]), centre=tuple(stored["centre"].tolist()),  # type: ignore[arg-type]
+                land=stored.get("land"),
             )  # fmt: skip
-
-        if self._threads == 1:
-            band(0)
-            return
-        if self._pool is None or self._pool[0] != os.getpid():  # threads do not survive a fork
-            self._pool = os.getpid(), ThreadPoolExecutor(self._threads - 1)
-        others = [self._pool[1].submit(band, k) for k in range(1, self._threads)]
-        band(0)
-        for other in others:
-            other.result()
-
-    def _sweep_slowly(self, m: float, r: float, timestep: float) -> None:
-        """The same step for the absorbing margin, or everywhere for the stencil as printed."""
-        i1, j0, j1, margin = self._i1, self._j0, self._j1, self._margin
-        frame = [
-            (1, 1 + margin, j0, j1),
-            (i1 - margin, i1, j0, j1),
-            (1 + margin, i1 - margin, j0, j0 + margin),
-            (1 + margin, i1 - margin, j1 - margin, j1),
-        ]
-        printed = self.stencil == "paper_eq8"
-        edge, corner = WEIGHTS[self.stencil]
-        friction = np.float32(0.5 * timestep)
-        for rows in [(1, i1, j0, j1)] if printed else frame:
-            kernels.step_sponge(
-                self._z, self._prev, *rows, np.float32(m), np.float32(r),
-                np.float32(edge), np.float32(corner),
-                friction * self._sponge[0], friction * self._sponge[1],
-            )  # fmt: skip
-        if printed:
-            # The printed centre weight, -4/(mu t + 2) - 10/3 xi, less the one the kernel used.
-            cells = np.s_[1:i1, j0:j1]
-            excess = -4.0 / (1.0 + m) + 2.0 / 3.0 * r / (1.0 + m)
-            self._prev[cells] += np.float32(excess) * self._z[cells]
+            field._water.z[...] = stored["z"]
+            field._water.prev[...] = stored["prev"]
+            field._water.last_timestep = float(stored["last_timestep"])
+            field.time = float(stored["time"])
+        except (OSError, KeyError, TypeError, ValueError, EOFError) as problem:
+            raise ValueError(
+                f"{path} holds no water surface ({problem}): give a file that HeightField.save wrote"
+            ) from problem
+        return field
