@@ -20,11 +20,17 @@ from typing import Any
 import numpy as np
 from llvmlite import binding, ir
 from numba import types
-from numba.core.extending import intrinsic
 
 from mjskip._jit import kernel
 from mjskip._layout import library
-from mjskip._native import as_doubles, as_words, call_address, stack_doubles, symbol
+from mjskip._native import (
+    as_doubles,
+    as_words,
+    call_address,
+    intrinsic,
+    stack_doubles,
+    symbol,
+)
 
 WRENCH, IMMERSION, BUILDER, TABLE, MEMBERS = 0, 1, 2, 3, 4
 SLOTS, PAIRS = 0, 1
@@ -36,7 +42,7 @@ MODEL_MEMBERS = (
     "body_ipos", "body_iquat", "body_inertia", "body_geomadr", "body_geomnum",
     "geom_type", "geom_dataid", "geom_size", "geom_pos", "geom_quat",
     "mesh_vertadr", "mesh_vertnum", "mesh_vert", "mesh_faceadr", "mesh_facenum", "mesh_face",
-    "mesh_pos", "mesh_quat", "plugin_attr", "plugin_attradr",
+    "plugin_attr", "plugin_attradr",
     "sensor_plugin", "sensor_objtype", "sensor_objid", "sensor_adr",
 )  # fmt: skip
 (
@@ -45,7 +51,7 @@ MODEL_MEMBERS = (
     BODY_IPOS, BODY_IQUAT, BODY_INERTIA, BODY_GEOMADR, BODY_GEOMNUM,
     GEOM_TYPE, GEOM_DATAID, GEOM_SIZE, GEOM_POS, GEOM_QUAT,
     MESH_VERTADR, MESH_VERTNUM, MESH_VERT, MESH_FACEADR, MESH_FACENUM, MESH_FACE,
-    MESH_POS, MESH_QUAT, PLUGIN_ATTR, PLUGIN_ATTRADR,
+    PLUGIN_ATTR, PLUGIN_ATTRADR,
     SENSOR_PLUGIN, SENSOR_OBJTYPE, SENSOR_OBJID, SENSOR_ADR,
 ) = range(MEMBERS, MEMBERS + len(MODEL_MEMBERS))  # fmt: skip
 DATA_MEMBERS = (
@@ -74,12 +80,11 @@ for _name in ("mju_error", "mj_warning"):
 mju_error = types.ExternalFunction("mju_error", types.void(types.int64))
 mj_warning = types.ExternalFunction("mj_warning", types.void(types.int64, types.int32, types.int32))
 
-MULTIPLIER = -7046029254386353131  # 2^64 over the golden ratio, odd
-SAMPLED = 4096
-"""Bytes of an array that are hashed; of a longer one, every second, third, ... word."""
+STEP = -7046029254386353131  # 2^64 over the golden ratio, as a signed word
+HALF = 0xFFFFFFFF
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def as_ints(typingctx: Any, address: Any) -> Any:
     """Address of 32-bit integers as a pointer that indexes like a C array."""
 
@@ -89,18 +94,18 @@ def as_ints(typingctx: Any, address: Any) -> Any:
     return types.CPointer(types.int32)(types.int64), codegen
 
 
-@intrinsic  # type: ignore[untyped-decorator]
-def word_at(typingctx: Any, address: Any) -> Any:
-    """The eight bytes at an address, aligned or not."""
+@intrinsic
+def word_at(typingctx: Any, address: Any, index: Any) -> Any:
+    """The word at an index from an address, aligned or not."""
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         pointer = builder.inttoptr(args[0], ir.IntType(64).as_pointer())
-        return builder.load(pointer, align=1)
+        return builder.load(builder.gep(pointer, [args[1]]), align=1)
 
-    return types.int64(types.int64), codegen
+    return types.int64(types.int64, types.int64), codegen
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def byte_at(typingctx: Any, address: Any) -> Any:
     """The byte at an address, 0 to 255."""
 
@@ -112,7 +117,7 @@ def byte_at(typingctx: Any, address: Any) -> Any:
 
 
 @kernel
-def _size(table: Any, owner: int, member: int) -> int:
+def _size(table: Any, owner: int, member: int) -> Any:
     """A member that is a size."""
     return as_words(owner + table[member])[0]
 
@@ -130,36 +135,36 @@ def _doubles(table: Any, owner: int, member: int) -> Any:
 
 
 @kernel
-def _mix(lane: int, word: int) -> int:
-    lane = (lane ^ word) * MULTIPLIER
-    return lane ^ (lane >> 29)
+def _mix(key: int, word: int) -> int:
+    key = (key ^ word) * STEP
+    return key ^ (key >> 29)
 
 
 @kernel
-def _hash(address: int, size: int, seed: int) -> int:
-    """Hash of `size` bytes, in four lanes that a processor works on side by side."""
-    if size < 8:  # a short text
-        word = size
-        for k in range(size):
-            word = (word << 8) | byte_at(address + k)
-        return _mix(seed, word)
-    stride = 8 * max(1, size // SAMPLED)
-    a, b, c, d = seed, ~seed, size, -size
-    last = address + size - 8
-    while address + 3 * stride <= last:
-        a = _mix(a, word_at(address))
-        b = _mix(b, word_at(address + stride))
-        c = _mix(c, word_at(address + 2 * stride))
-        d = _mix(d, word_at(address + 3 * stride))
-        address += 4 * stride
-    while address < last:
-        a = _mix(a, word_at(address))
-        address += stride
-    return _mix(_mix(_mix(_mix(a, b), c), d), word_at(last))
+def _hash(address: int, size: int, key: int) -> int:
+    """Hash of `size` bytes, after what was hashed to `key`.
+
+    As in XXH3: every word, under a secret that depends on its place, gives the product of its halves;
+    products do not wait for each other. The plain sum guards against halves that are zero.
+    """
+    words = size >> 3
+    products = plain = 0
+    for i in range(words):
+        word = word_at(address, i)
+        hidden = word ^ (key + i * STEP)
+        products += (hidden & HALF) * (hidden >> 32 & HALF)
+        plain += word
+    tail, i = size, 8 * words
+    while i < size:  # the rest of a text
+        tail = (tail << 8) | byte_at(address + i)
+        i += 1
+    return _mix(_mix(key + plain, products), tail)
 
 
 @kernel
-def _hash_items(table: Any, model: int, member: int, first: int, bytes_each: int, count: int, key: int) -> int:
+def _hash_items(
+    table: Any, model: int, member: int, first: int, bytes_each: int, count: int, key: int
+) -> int:
     """Hash of some items of an array."""
     return _hash(as_words(model + table[member])[0] + first * bytes_each, count * bytes_each, key)
 
@@ -178,23 +183,26 @@ def _content(table: Any, model: int, body: int, instance: int) -> int:
     first = _ints(table, model, BODY_GEOMADR)[body]
     for geom in range(first, first + _ints(table, model, BODY_GEOMNUM)[body]):
         kind = _ints(table, model, GEOM_TYPE)[geom]
-        key = _hash_items(table, model, GEOM_SIZE, geom, 24, 1, _mix(key, kind))
+        key = _hash_items(table, model, GEOM_SIZE, geom, 24, 1, key ^ kind)
         key = _hash_items(table, model, GEOM_POS, geom, 24, 1, key)
         key = _hash_items(table, model, GEOM_QUAT, geom, 32, 1, key)
         if kind == GEOM_MESH:
             mesh = _ints(table, model, GEOM_DATAID)[geom]
-            at, count = _ints(table, model, MESH_VERTADR)[mesh], _ints(table, model, MESH_VERTNUM)[mesh]
+            at, count = (
+                _ints(table, model, MESH_VERTADR)[mesh],
+                _ints(table, model, MESH_VERTNUM)[mesh],
+            )
             key = _hash_items(table, model, MESH_VERT, at, 12, count, key)
-            at, count = _ints(table, model, MESH_FACEADR)[mesh], _ints(table, model, MESH_FACENUM)[mesh]
+            at, count = (
+                _ints(table, model, MESH_FACEADR)[mesh],
+                _ints(table, model, MESH_FACENUM)[mesh],
+            )
             key = _hash_items(table, model, MESH_FACE, at, 12, count, key)
-            # where the mesh's own frame was: sums over all its vertices, for those not sampled
-            key = _hash_items(table, model, MESH_POS, mesh, 24, 1, key)
-            key = _hash_items(table, model, MESH_QUAT, mesh, 32, 1, key)
     return key if key != 0 else 1
 
 
 @kernel
-def _look_up(table: Any, key: int) -> int:
+def _look_up(table: Any, key: int) -> Any:
     """Address of the block of a content: 0 if it cannot be built, -1 if nobody has tried."""
     blocks = as_words(table[TABLE])
     slots = blocks[SLOTS]
@@ -207,16 +215,22 @@ def _look_up(table: Any, key: int) -> int:
 
 
 @kernel
-def _build(table: Any, model: int, body: int, instance: int, key: int, request: int) -> int:
+def _build(table: Any, model: int, body: int, instance: int, key: int, request: int) -> Any:
     """Ask Python for a block; request holds what it says."""
     words = as_words(request)
-    words[BODY], words[INSTANCE], words[KEY], words[BLOCK], words[MESSAGE] = body, instance, key, 0, 0
+    words[BODY], words[INSTANCE], words[KEY], words[BLOCK], words[MESSAGE] = (
+        body,
+        instance,
+        key,
+        0,
+        0,
+    )
     call_address(table[BUILDER], model, request, 0)
     return words[BLOCK]
 
 
 @kernel
-def _load(table: Any, model: int, data: int, body: int, instance: int, scratch: int) -> int:
+def _load(table: Any, model: int, data: int, body: int, instance: int, scratch: int) -> Any:
     """Pose and wrench of a body to scratch; the address of its block, 0 if there is no finite wrench.
 
     scratch: state (18), wrench (12), request (5).
@@ -355,9 +369,9 @@ def compute(model: int, data: int, instance: int, capability: int) -> None:
         plugin = _ints(table, model, BODY_PLUGIN)
         awake = _ints(table, data, BODY_AWAKE)
         for body in range(1, _size(table, model, NBODY)):
-            if plugin[body] == instance and awake[body] != ASLEEP:
-                if _load(table, model, data, body, instance, scratch) != 0:
-                    _push(table, model, data, body, scratch)
+            mine = plugin[body] == instance and awake[body] != ASLEEP
+            if mine and _load(table, model, data, body, instance, scratch) != 0:
+                _push(table, model, data, body, scratch)
     if capability & SENSOR:
         plugin = _ints(table, model, SENSOR_PLUGIN)
         for sensor in range(_size(table, model, NSENSOR)):

@@ -114,7 +114,8 @@ def _solid(model: mujoco.MjModel, geom: int) -> trimesh.Trimesh:
                 radius=size[0], height=2.0 * size[1], count=[ROUND_SECTIONS, ROUND_SECTIONS // 2]
             )
             mesh.apply_translation(-mesh.bounds.mean(axis=0))
-            return mesh
+            volume = np.pi * size[0] ** 2 * (2.0 * size[1] + 4.0 / 3.0 * size[0])
+            return _keep_volume(mesh, np.ones(3), volume)
         case _:
             raise SceneError(
                 f"{label} is a {kind.name.removeprefix('mjGEOM_').lower()}: water acts on meshes, boxes, "

@@ -12,7 +12,9 @@ from mjskip._grid import checked_finite, checked_number, checked_shape, free_mem
 from mjskip._stencil import (
     COURANT_LIMITS,
     SAFE_FRACTION,
+    SAME_STEP,
     WEIGHTS,
+    calming,
     paper_limit,
     reach_of,
     unstable,
@@ -255,11 +257,8 @@ class Lake:
     def _step(self, timestep: float) -> None:
         r = (self.wave_speed * timestep / self.spacing) ** 2
         m = 0.5 * self.damping * timestep
-        t0 = self._last_timestep
-        if timestep != t0:  # as in HeightField: the previous level of this step's size
-            gain = 0.5 * timestep * (timestep - t0)
-            back = -timestep / t0 - self.damping * gain / t0 if t0 > 0.0 else 0.0
-            self._sweep(back, gain * (self.wave_speed / self.spacing) ** 2)
+        if abs(timestep - self._last_timestep) > SAME_STEP * timestep:
+            self._retime(timestep)
         self._sweep((1.0 - m) / (1.0 + m), r / (1.0 + m))
         self._z, self._prev = self._prev, self._z
         edge, corner = (weight * r / (1.0 + m) for weight in WEIGHTS["nine_point"])
@@ -271,6 +270,24 @@ class Lake:
         if self._steps % STEPS_BETWEEN_BEDTIMES == 0 and self.sleep_amplitude > 0.0:
             self._put_to_sleep()
         self._wake_neighbours()
+
+    def _retime(self, timestep: float) -> None:
+        """The previous level of this step's size, short waves calmed: as in `DenseWater`."""
+        t0, t1, rate2 = self._last_timestep, timestep, (self.wave_speed / self.spacing) ** 2
+        if t0 == 0.0:
+            self._sweep(0.0, 0.5 * rate2 * t1 * t1)
+            return
+        half = 0.5 * self.damping
+        self._sweep(-(t1 / t0) * (1.0 - half * t0), -0.5 * rate2 * t0 * t1)
+        level, before = self._z, self._prev
+        self._z, self._prev = level - before, np.zeros_like(level)
+        calm = math.sqrt(calming(t0, t1)) * COURANT_LIMITS["nine_point"] ** 2 / 4.0
+        for a in (calm, -calm):
+            self._sweep(0.0, a)
+            self._z, self._prev = self._prev, self._z
+        before[...] = level - np.float32(1.0 + half * t1) * self._z
+        self._z, self._prev = level, before
+        self._sweep(-1.0, 0.5 * rate2 * t1 * t1)
 
     def _sweep(self, q: float, s: float) -> None:
         tiles.step_tiles(

@@ -137,7 +137,7 @@ def _fill_root() -> None:
     root = kernels.root
     root[kernels.WRENCH] = wrench_address()
     root[kernels.IMMERSION] = address_of_cfunc(immersion)
-    root[kernels.BUILDER] = ctypes.cast(builder, ctypes.c_void_p).value
+    root[kernels.BUILDER] = ctypes.cast(builder, ctypes.c_void_p).value or 0
     root[kernels.TABLE] = _blocks.table.ctypes.data
     model, data = _layout.members("mjModel"), _layout.members("mjData")
     root[kernels.MEMBERS :] = [

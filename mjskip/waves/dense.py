@@ -10,7 +10,16 @@ import numpy.typing as npt
 
 from mjskip import _wave_kernels as kernels
 from mjskip._grid import aligned_zeros, refuse_if_too_large
-from mjskip._stencil import SPONGE_CELLS, WEIGHTS, Boundary, Stencil, sponge
+from mjskip._stencil import (
+    COURANT_LIMITS,
+    SAME_STEP,
+    SPONGE_CELLS,
+    WEIGHTS,
+    Boundary,
+    Stencil,
+    calming,
+    sponge,
+)
 
 FloatArray = npt.NDArray[np.float64]
 SurfaceArray = npt.NDArray[np.float32]
@@ -103,10 +112,9 @@ class DenseWater:
         """One step under the heads [s]."""
         r = (self._rate * timestep) ** 2
         m = 0.5 * self._damping * timestep
-        if timestep != self.last_timestep:
-            self.retime(timestep)
-        else:
-            self._fill_ghosts(timestep)
+        self._fill_ghosts(timestep)
+        if abs(timestep - self.last_timestep) > SAME_STEP * timestep:
+            self._retime(timestep)
         if self.open.size:
             self._sweep_masked(1.0, m, r, timestep)
         elif self.stencil == "paper_eq8":
@@ -123,27 +131,50 @@ class DenseWater:
             )
         self.last_timestep = timestep
 
-    def retime(self, timestep: float) -> None:
+    def start(self, timestep: float) -> None:
+        """Let water that was just set at rest have come from a step of this size."""
+        self._fill_ghosts(timestep)
+        self._retime(timestep)
+
+    def _retime(self, timestep: float) -> None:
         """Replace the previous level by the one a step of this size would have come from.
 
-        With v = (z - z-)/t0 half an old step ago and a = c^2 L - mu v, the level one new step ago
-        is z - t1 (v + a t0/2) + a t1^2/2: the kernel's own form with other coefficients. Water
-        that has not moved yet (t0 = 0) starts at rest: z + a t1^2 / 2.
+        The speed now is v = (z - z-) / t0 + a t0 / 2, with a = c^2 L - mu v, half an old step on.
+        Short waves of v t1 are calmed, then z- = z - v t1 + a t1^2 / 2. All of it is the kernel's
+        own form with other coefficients. Water that has not moved yet (t0 = 0) starts at rest.
         """
-        self._fill_ghosts(timestep)
-        t0, t1 = self.last_timestep, timestep
-        gain = 0.5 * t1 * (t1 - t0)
-        backwards = -t1 / t0 - self._damping * gain / t0 if t0 > 0.0 else 0.0
-        if self.open.size:
-            self._sweep_masked(backwards, 0.0, gain * self._rate**2, 0.0)
-        else:
-            self._sweep(backwards, gain * self._rate**2, 0)
+        t0, t1, rate2 = self.last_timestep, timestep, self._rate**2
         self.last_timestep = timestep
+        if t0 == 0.0:
+            self._apply(0.0, 0.5 * rate2 * t1 * t1)
+            return
+        half = 0.5 * self._damping
+        self._apply(-(t1 / t0) * (1.0 - half * t0), -0.5 * rate2 * t0 * t1)
+        level, before = self.z, self.prev
+        self.z, self.prev = level - before, np.zeros_like(level)
+        calm = math.sqrt(calming(t0, t1)) * COURANT_LIMITS[self.stencil] ** 2 / 4.0
+        for a in (calm, -calm):  # (1 + a L)(1 - a L) = 1 - calming (k / k_max)^4
+            self._fill_ghosts(timestep, plain=True)
+            self._apply(0.0, a)
+            self.z, self.prev = self.prev, self.z
+        inside = np.s_[1 : self.i1, self.j0 : self.j1]
+        before[inside] = level[inside] - np.float32(1.0 + half * t1) * self.z[inside]
+        self.z, self.prev = level, before
+        self._apply(-1.0, 0.5 * rate2 * t1 * t1)
 
-    def _fill_ghosts(self, timestep: float) -> None:
+    def _apply(self, q: float, s: float) -> None:
+        """prev = z + q (z - prev) + s L(z) everywhere, without the margin's friction."""
+        if self.open.size:
+            self._sweep_masked(q, 0.0, s, 0.0)
+        else:
+            self._sweep(q, s, 0)
+
+    def _fill_ghosts(self, timestep: float, *, plain: bool = False) -> None:
+        mirrored = plain and self.code == kernels.OUTGOING
         courant = self._rate * timestep
         kernels.fill_ghosts(
-            self.z, self.prev, self.i1, self.j0, self.j1, self.code,
+            self.z, self.prev, self.i1, self.j0, self.j1,
+            kernels.REFLECT if mirrored else self.code,
             np.float32((courant - 1.0) / (courant + 1.0)),
         )  # fmt: skip
 

@@ -55,6 +55,10 @@ class HeightField:
         lake.advance(1.5)
         rings = lake.elevation
 
+    Steps of one size are best: each change costs four more sweeps, takes a little speed from waves
+    shorter than some 12 cells (see `_stencil.calming`), and rounds speeds to the elevation's last
+    bit over the smaller step.
+
     The water starts still. Cell (i, j) is at `x[i]`, `y[j]`; the walls are half a cell beyond the
     outermost cells. Source: equations (5)-(9) of the paper with its slips repaired.
     """
@@ -260,7 +264,7 @@ class HeightField:
         water.reset()
         water.cells(water.z)[...] = z if self.land is None else np.where(self.land, 0.0, z)
         timestep = 0.5 * self.max_timestep
-        water.retime(timestep)
+        water.start(timestep)
         back = np.float32(timestep + 0.5 * self.damping * timestep**2) * v
         water.cells(water.prev)[...] -= back if self.land is None else np.where(self.land, 0, back)
 
