@@ -128,8 +128,12 @@ def _patch_of(block: Any) -> Any:
 def _surface(patch: Any, state: Any, x: float, y: float, z: float, speed: int) -> float:
     """Elevation (speed 0) or vertical speed (1) of the surface at a point of the body, body axes."""
     nx, ny = int(patch[PATCH_NX]), int(patch[PATCH_NY])
-    east = (state[0] + state[3] * x + state[4] * y + state[5] * z - patch[PATCH_X]) * patch[PATCH_RATE]
-    north = (state[1] + state[6] * x + state[7] * y + state[8] * z - patch[PATCH_Y]) * patch[PATCH_RATE]
+    east = (state[0] + state[3] * x + state[4] * y + state[5] * z - patch[PATCH_X]) * patch[
+        PATCH_RATE
+    ]
+    north = (state[1] + state[6] * x + state[7] * y + state[8] * z - patch[PATCH_Y]) * patch[
+        PATCH_RATE
+    ]
     if not (0.0 <= east < nx - 1 and 0.0 <= north < ny - 1):
         return 0.0
     i, j = int(east), int(north)
@@ -220,7 +224,9 @@ def body_wrench(block: Any, state: Any, out: Any) -> None:
                 + (wx * ry - wy * rx) * nz
             )
             if waves:
-                vn -= (_surface(patch, state, rx, ry, rz, 1) - rising) * (ux * nx + uy * ny + uz * nz)
+                vn -= (_surface(patch, state, rx, ry, rz, 1) - rising) * (
+                    ux * nx + uy * ny + uz * nz
+                )
             if local and vn <= 0.0:
                 continue
             area = fraction * block[k + AREA]
@@ -242,7 +248,9 @@ def body_wrench(block: Any, state: Any, out: Any) -> None:
             ty += rz * gx - rx * gz
             tz += rx * gy - ry * gx
         if block[WEIGHT_DENSITY] != 0.0 or block[SKIN_DENSITY] != 0.0:
-            gx, gy, gz, mx, my, mz = _at_rest_too(block, state, patch, vx, vy, vz, wx, wy, wz, rising)
+            gx, gy, gz, mx, my, mz = _at_rest_too(
+                block, state, patch, vx, vy, vz, wx, wy, wz, rising
+            )
             fx, fy, fz, tx, ty, tz = fx + gx, fy + gy, fz + gz, tx + mx, ty + my, tz + mz
     _to_world(state, fx, fy, fz, out, 0)
     _to_world(state, tx, ty, tz, out, 3)
@@ -421,4 +429,6 @@ def _entry(block: Any, state: Any, out: Any) -> None:
 def _immersion_entry(block: Any, state: Any, out: Any) -> None:
     """`body_immersion` as C: void(double*, double*, double*)."""
     size = HEADER + int(block[N_TRIANGLES]) * ROW
-    body_immersion(numba.carray(block, size), numba.carray(state, STATE), numba.carray(out, IMMERSION))
+    body_immersion(
+        numba.carray(block, size), numba.carray(state, STATE), numba.carray(out, IMMERSION)
+    )

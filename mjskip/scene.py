@@ -19,6 +19,7 @@ import numpy as np
 
 from mjskip.bodies import body_name, body_stone, find_body, free_bodies
 from mjskip.errors import SceneError
+from mjskip.lakes import Lake
 from mjskip.stone import Stone
 from mjskip.throw import Throw
 from mjskip.water import Water
@@ -29,6 +30,8 @@ WATER = {field.name for field in fields(Water)}
 FIELD = {"shape", "spacing", "wave_speed", "damping", "stencil", "boundary", "centre"}
 THROW = {field.name for field in fields(Throw)}
 TEXTS = {"gate", "law", "stencil", "boundary"}
+DEFAULT_SHAPE = (512, 512)
+"""Cells of a lake with walls whose scene does not say: `HeightField`'s, rounded up to whole tiles."""
 PAIRS = {"shape", "centre"}
 
 
@@ -41,7 +44,7 @@ class Scene:
         model: as compiled; not to be altered.
         body: name of the stone that is asked about.
         water: the fluid.
-        lake: arguments of the scene's `HeightField`.
+        grid: arguments of the scene's `HeightField`.
         throws: the throw of every free body, by name.
         own: names of the throw settings that the scene gives to single bodies, by body.
     """
@@ -50,7 +53,7 @@ class Scene:
     model: mujoco.MjModel
     body: str
     water: Water
-    lake: Mapping[str, Any]
+    grid: Mapping[str, Any]
     throws: Mapping[str, Throw]
     own: Mapping[str, frozenset[str]]
 
@@ -71,7 +74,24 @@ class Scene:
 
     def field(self) -> HeightField:
         """A fresh water surface with this scene's settings."""
-        return HeightField(**self.lake)
+        return HeightField(**self.grid)
+
+    def lake(self) -> Lake:
+        """Fresh two-way water: endless if the scene's boundary absorbs, else inside its walls.
+
+        Raises:
+            ValueError: the walls are not on tiles, or the scene asks for what lakes of tiles lack.
+        """
+        grid = dict(self.grid)
+        stencil = grid.pop("stencil", "nine_point")
+        boundary = grid.pop("boundary", "reflect")
+        if stencil != "nine_point" or boundary == "periodic":
+            raise ValueError(
+                f"{self.path}: two-way waves need the nine_point stencil and a boundary that absorbs or "
+                f"reflects, not {stencil} and {boundary}"
+            )
+        shape = grid.pop("shape", DEFAULT_SHAPE)
+        return Lake(None if boundary == "absorb" else shape, **grid)
 
     def rethrow(self, **changes: float) -> Scene:
         """This scene with other throw settings, SI and radians.
@@ -137,7 +157,7 @@ def load_scene(path: str | os.PathLike[str] = "lake", *, body: str | None = None
             model=model,
             body=body or names[0],
             water=Water(**{k: v for k, v in settings.items() if k in WATER}),
-            lake={k: v for k, v in settings.items() if k in FIELD},
+            grid={k: v for k, v in settings.items() if k in FIELD},
             throws={name: Throw(**_one(settings, name)) for name in names},
             own={name: frozenset(k for k in THROW if f"{k}.{name}" in settings) for name in names},
         )

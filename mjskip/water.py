@@ -45,9 +45,13 @@ class Water:
             value = getattr(self, field.name)
             if field.type in (float, "float") and not (math.isfinite(value) and value >= 0.0):
                 unit = "m^2/s" if field.name == "viscosity" else "kg/m^3"
-                raise ValueError(f"{field.name} is {value!r}: give a finite number of at least 0 [{unit}]")
+                raise ValueError(
+                    f"{field.name} is {value!r}: give a finite number of at least 0 [{unit}]"
+                )
         if self.skin_friction and self.viscosity == 0.0:
-            raise ValueError("viscosity is 0 and skin_friction is on: give a viscosity above 0 [m^2/s]")
+            raise ValueError(
+                "viscosity is 0 and skin_friction is on: give a viscosity above 0 [m^2/s]"
+            )
         if self.gate not in GATES:
             raise ValueError(f"gate is {self.gate!r}: use one of {', '.join(GATES)}")
         if self.law not in LAWS:
