@@ -140,9 +140,10 @@ def _surface(patch: Any, state: Any, x: float, y: float, z: float, speed: int) -
     east -= i
     north -= j
     k = PATCH_POINTS + speed * nx * ny + i * ny + j
-    return (1.0 - east) * ((1.0 - north) * patch[k] + north * patch[k + 1]) + east * (
+    found: float = (1.0 - east) * ((1.0 - north) * patch[k] + north * patch[k + 1]) + east * (
         (1.0 - north) * patch[k + ny] + north * patch[k + ny + 1]
     )
+    return found
 
 
 @kernel

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import ExitStack, contextmanager
 from types import TracebackType
 from typing import Protocol
 
@@ -12,11 +12,11 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
+from mjskip._rigid_kernels import STATE, free_motion
 from mjskip.attitude import matrices
 from mjskip.bodies import find_body
-from mjskip.coupling import attach
+from mjskip.coupling import Coupling, attach
 from mjskip.errors import DivergedError, SceneError
-from mjskip.forces import pack_states
 from mjskip.reference import METHODS, Integrator
 from mjskip.scene import Scene
 from mjskip.throw import State
@@ -59,15 +59,17 @@ class Engine(Protocol):
 
 
 def releases(scene: Scene) -> dict[str, State]:
-    """How every stone leaves the hand, above the place where the scene has it."""
+    """How every stone leaves the hand, above the place where the scene has it; not those an arm holds."""
     found = {}
     for name, stone in scene.stones.items():
+        if name in scene.held:
+            continue
         body = scene.model.body(find_body(scene.model, name))
         found[name] = scene.throws[name].state(stone, x=float(body.pos[0]), y=float(body.pos[1]))
     return found
 
 
-class ReferenceEngine(AbstractContextManager["ReferenceEngine"]):
+class ReferenceEngine:
     """The pure integrator, a stone at a time: it knows no contacts."""
 
     def __init__(
@@ -96,7 +98,10 @@ class ReferenceEngine(AbstractContextManager["ReferenceEngine"]):
             )
             for name, start in releases(scene).items()
         }
-        self.blocks = {name: stone.block for name, stone in self._stones.items()}
+        self.blocks: Mapping[str, Array] = {n: stone.block for n, stone in self._stones.items()}
+
+    def __enter__(self) -> ReferenceEngine:
+        return self
 
     def __exit__(self, *_: object) -> None:
         return None
@@ -110,8 +115,8 @@ class ReferenceEngine(AbstractContextManager["ReferenceEngine"]):
         return {name: stone.advance(steps) for name, stone in self._stones.items()}
 
 
-class MujocoEngine(AbstractContextManager["MujocoEngine"]):
-    """MuJoCo, with the water attached to the scene's stones while the context is open."""
+class MujocoEngine:
+    """MuJoCo, with water on the scene's stones while the context is open: attached, or its plugin's own."""
 
     def __init__(
         self, scene: Scene, integrator: str | None, timestep: float, *, frozen_attitude: bool
@@ -139,13 +144,19 @@ class MujocoEngine(AbstractContextManager["MujocoEngine"]):
         self._free = {name: _FreeBody(model, name) for name in scene.stones}
         for name, start in releases(scene).items():
             self._free[name].place(self.data, start)
-        self._attached = attach(model, self.data, water=scene.water, bodies=list(scene.stones))
-        self._quiet = _unlogged()
+        self._arm = scene.arm
+        self._water = None if scene.plugged else scene.water
+        self._open = ExitStack()
+        self._coupling: Coupling | None = None
+        self.blocks: Mapping[str, Array] = {}
 
     def __enter__(self) -> MujocoEngine:
-        self._quiet.__enter__()
-        self._coupling = self._attached.__enter__()
-        self.blocks: Mapping[str, Array] = dict(zip(self._free, self._coupling.blocks, strict=True))
+        self._open.enter_context(_unlogged())
+        if self._water is not None:
+            names = list(self._free)
+            water = attach(self.model, self.data, water=self._water, bodies=names)
+            self._coupling = self._open.enter_context(water)
+            self.blocks = dict(zip(names, self._coupling.blocks, strict=True))
         return self
 
     def __exit__(
@@ -154,10 +165,7 @@ class MujocoEngine(AbstractContextManager["MujocoEngine"]):
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        try:
-            self._attached.__exit__(kind, error, trace)
-        finally:
-            self._quiet.__exit__(kind, error, trace)
+        self._open.__exit__(kind, error, trace)
 
     def start(self) -> Motion:
         """States (1, 18) as the stones leave the hand."""
@@ -167,9 +175,11 @@ class MujocoEngine(AbstractContextManager["MujocoEngine"]):
         """Move on by some steps: states (steps, 18) after each."""
         qpos, qvel = np.empty((steps, self.model.nq)), np.empty((steps, self.model.nv))
         for row in range(steps):
+            self._arm.act(self.model, self.data)
             mujoco.mj_step(self.model, self.data)
             qpos[row], qvel[row] = self.data.qpos, self.data.qvel
-        self._coupling.check()
+        if self._coupling is not None:
+            self._coupling.check()  # the plugin's doubts are warnings in the data
         _check_warnings(self.data)
         return self._states(qpos, qvel)
 
@@ -199,15 +209,10 @@ class _FreeBody:
         ]
 
     def states(self, qpos: Array, qvel: Array) -> Array:
-        """(n, 18) for the force kernel. MuJoCo's free joint has omega in body axes."""
-        position, q = qpos[:, self._q][:, :3], qpos[:, self._q][:, 3:]
-        velocity, omega_body = qvel[:, self._v][:, :3], qvel[:, self._v][:, 3:]
-        if not (np.isfinite(q).all() and np.linalg.norm(q, axis=1).all()):
-            q = np.where(np.isfinite(q), q, 1.0)  # the log refuses the row by its other columns
-        rotation = matrices(q)
-        omega = np.einsum("nij,nj->ni", rotation, omega_body)
-        arm = rotation @ self._centre
-        return pack_states(position + arm, rotation, velocity + np.cross(omega, arm), omega)
+        """(n, 18) for the force kernel."""
+        states = np.empty((len(qpos), STATE))
+        free_motion(qpos[:, self._q], qvel[:, self._v], self._centre, states)
+        return states
 
 
 @contextmanager

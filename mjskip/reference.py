@@ -167,7 +167,7 @@ class Integrator:
             )
         return states
 
-    def _derivative(self, _time: float, y: Array) -> Array:
+    def _derivative(self, _time: float, y: Any) -> Any:
         """dy/dt of y (13,)."""
         out = np.empty(kernels.SIZE)
         kernels.derivative(

@@ -2,7 +2,8 @@
 
 A setting is a <numeric> or <text> named `mjskip.<setting>`, in SI units and radians, as MuJoCo's own
 `filament.*` settings are. A throw setting with a body's name behind it (`mjskip.spin.still`) is for that
-body alone.
+body alone. `mjskip.control.<actuator>` and `mjskip.release.<equality>` move a robot: see `mjskip.arm`.
+Bodies that carry the engine plugin `mjskip.water` have their water from it.
 """
 
 from __future__ import annotations
@@ -17,9 +18,11 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from mjskip.arm import Arm
 from mjskip.bodies import body_name, body_stone, find_body, free_bodies
 from mjskip.errors import SceneError
 from mjskip.lakes import Lake
+from mjskip.plugin import NAME, plugin_water, register_plugin
 from mjskip.stone import Stone
 from mjskip.throw import Throw
 from mjskip.water import Water
@@ -30,9 +33,11 @@ WATER = {field.name for field in fields(Water)}
 FIELD = {"shape", "spacing", "wave_speed", "damping", "stencil", "boundary", "centre"}
 THROW = {field.name for field in fields(Throw)}
 TEXTS = {"gate", "law", "stencil", "boundary"}
+SWITCHES = {field.name for field in fields(Water) if field.type in (bool, "bool")}
 DEFAULT_SHAPE = (512, 512)
 """Cells of a lake with walls whose scene does not say: `HeightField`'s, rounded up to whole tiles."""
 PAIRS = {"shape", "centre"}
+CONTROL, RELEASE = "control.", "release."
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -43,10 +48,13 @@ class Scene:
         path: the MJCF file.
         model: as compiled; not to be altered.
         body: name of the stone that is asked about.
-        water: the fluid.
+        water: the fluid about the chosen body.
         grid: arguments of the scene's `HeightField`.
         throws: the throw of every free body, by name.
         own: names of the throw settings that the scene gives to single bodies, by body.
+        plugged: the water of every body that has it from the engine plugin, by name; of all or none.
+        arm: what the scene's robot does.
+        held: bodies that the robot throws, so that their `throws` mean nothing.
     """
 
     path: Path
@@ -56,6 +64,9 @@ class Scene:
     grid: Mapping[str, Any]
     throws: Mapping[str, Throw]
     own: Mapping[str, frozenset[str]]
+    plugged: Mapping[str, Water]
+    arm: Arm
+    held: frozenset[str]
 
     @property
     def throw(self) -> Throw:
@@ -71,6 +82,10 @@ class Scene:
     def stone(self) -> Stone:
         """The chosen body as a stone."""
         return self.stones[self.body]
+
+    def water_of(self, body: str) -> Water:
+        """The fluid about a body: its plugin's, or the scene's."""
+        return self.plugged.get(body, self.water)
 
     def field(self) -> HeightField:
         """A fresh water surface with this scene's settings."""
@@ -99,8 +114,13 @@ class Scene:
         The chosen body takes them all; the others keep what the scene gives to them alone.
 
         Raises:
-            ValueError: a value is out of range.
+            ValueError: a value is out of range, or the body is thrown by a robot.
         """
+        if changes and self.body in self.held:
+            raise ValueError(
+                f"{self.body!r} is thrown by the arm in {self.path}: change its control signals there, not "
+                f"{', '.join(changes)}"
+            )
         return replace(
             self,
             throws={
@@ -141,7 +161,7 @@ def load_scene(path: str | os.PathLike[str] = "lake", *, body: str | None = None
     """
     file = _find(path)
     try:
-        model = mujoco.MjModel.from_xml_path(str(file))
+        model = _compile(file)
     except ValueError as error:
         reason = " ".join(str(error).split())
         raise SceneError(f"{file} does not compile as MJCF: {reason}") from error
@@ -151,20 +171,62 @@ def load_scene(path: str | os.PathLike[str] = "lake", *, body: str | None = None
     if body is not None and body not in names:
         raise SceneError(f"{file} has no free body {body!r}: it has {', '.join(names)}")
     settings = _settings(model, file, names)
+    plugged = _plugged(model, file, names)
+    if plugged and WATER & settings.keys():
+        raise SceneError(
+            f"{file}: {PREFIX}{min(WATER & settings.keys())} has no effect on bodies that carry plugin "
+            f"{NAME}: give it as a <config> of the plugin"
+        )
+    chosen = body or names[0]
     try:
+        arm = Arm(
+            controls=_with_prefix(settings, CONTROL), releases=_with_prefix(settings, RELEASE)
+        )
         scene = Scene(
             path=file,
             model=model,
-            body=body or names[0],
-            water=Water(**{k: v for k, v in settings.items() if k in WATER}),
+            body=chosen,
+            water=plugged.get(chosen) or Water(**{k: v for k, v in settings.items() if k in WATER}),
             grid={k: v for k, v in settings.items() if k in FIELD},
             throws={name: Throw(**_one(settings, name)) for name in names},
             own={name: frozenset(k for k in THROW if f"{k}.{name}" in settings) for name in names},
+            plugged=plugged,
+            arm=arm,
+            held=arm.held(model) & set(names),
         )
+        scene.field()  # refuse bad settings of the water surface here, in a few milliseconds
     except ValueError as error:
         raise SceneError(f"{file}: {error}") from error
     _ = scene.stones  # refuse open meshes here rather than in the middle of a run
     return scene
+
+
+def _compile(file: Path) -> mujoco.MjModel:
+    """The model; the engine plugin is registered if it turns out to be needed."""
+    try:
+        return mujoco.MjModel.from_xml_path(str(file))
+    except ValueError as error:
+        if f"plugin {NAME} not found" not in str(error):
+            raise
+    register_plugin()
+    return mujoco.MjModel.from_xml_path(str(file))
+
+
+def _plugged(model: mujoco.MjModel, file: Path, names: list[str]) -> dict[str, Water]:
+    """The water of the stones that carry the engine plugin."""
+    waters = {name: plugin_water(model, find_body(model, name)) for name in names}
+    found = {name: water for name, water in waters.items() if water is not None}
+    if found and len(found) < len(names):
+        bare = next(name for name in names if name not in found)
+        raise SceneError(
+            f"{file}: body {bare!r} does not carry plugin {NAME} as other stones do: give it to all free "
+            "bodies or to none"
+        )
+    return found
+
+
+def _with_prefix(settings: Mapping[str, Any], prefix: str) -> dict[str, Any]:
+    return {k.removeprefix(prefix): v for k, v in settings.items() if k.startswith(prefix)}
 
 
 def _find(path: str | os.PathLike[str]) -> Path:
@@ -184,7 +246,9 @@ def _find(path: str | os.PathLike[str]) -> Path:
 def _settings(model: mujoco.MjModel, file: Path, bodies: list[str]) -> dict[str, Any]:
     """Every `mjskip.*` setting of a model, checked for name, kind and number of values."""
     single = {f"{key}.{name}" for key in THROW for name in bodies}
-    known = WATER | FIELD | THROW | single
+    moved = {f"{CONTROL}{model.actuator(k).name}" for k in range(model.nu)}
+    moved |= {f"{RELEASE}{model.equality(k).name}" for k in range(model.neq)}
+    known = WATER | FIELD | THROW | single | moved
     found: dict[str, Any] = {}
     entries: list[tuple[str, Any]] = [
         (model.numeric(k).name, model.numeric(k).data.tolist()) for k in range(model.nnumeric)
@@ -202,6 +266,11 @@ def _settings(model: mujoco.MjModel, file: Path, bodies: list[str]) -> dict[str,
             raise SceneError(
                 f"{file}: unknown setting {name!r}; known are {listed}, and throw settings with "
                 f".<body> behind them (bodies: {', '.join(bodies)})"
+                + (
+                    f"; of this robot {', '.join(sorted(PREFIX + k for k in moved))}"
+                    if moved
+                    else ""
+                )
             )
         found[key] = _value(key, value, file)
     return found
@@ -220,6 +289,8 @@ def _value(key: str, value: Any, file: Path) -> Any:
         return value
     if not isinstance(value, list):
         raise SceneError(f"{file}: {PREFIX}{key} is a <text>: give it as a <numeric>")
+    if key.startswith(CONTROL):
+        return tuple(value)
     want = 2 if key in PAIRS else 1
     if len(value) != want:
         raise SceneError(f"{file}: {PREFIX}{key} has {len(value)} values: give {want}")
@@ -227,4 +298,8 @@ def _value(key: str, value: Any, file: Path) -> Any:
         if any(v != np.floor(v) for v in value):
             raise SceneError(f"{file}: {PREFIX}shape is {value}: give two whole numbers of cells")
         return tuple(int(v) for v in value)
+    if key in SWITCHES:
+        if value[0] not in (0.0, 1.0):
+            raise SceneError(f"{file}: {PREFIX}{key} is {value[0]:g}: give 1 (on) or 0 (off)")
+        return bool(value[0])
     return tuple(value) if want == 2 else value[0]

@@ -15,6 +15,8 @@ from typing import Any, Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
+from mjskip.attitude import angles, matrices
+from mjskip.bodies import find_body
 from mjskip.coupling import compile_callback
 from mjskip.engines import Engine, MujocoEngine, ReferenceEngine
 from mjskip.errors import MjskipWarning
@@ -106,15 +108,30 @@ def simulate_all(
             raise ValueError(f"{option} is {value!r}: use one of {', '.join(allowed)}")
     if surface == "waves" and integrator == "adaptive":
         raise ValueError("integrator is 'adaptive': waves move on at a fixed step; use rk4")
-    for name, stone in scene.stones.items():
-        _doubt_timestep(name, stone, scene.throws[name], timestep)
+    if surface == "waves" and scene.plugged:
+        raise ValueError(
+            "surface is 'waves': the engine plugin knows still water only; take it out of the scene"
+        )
+    if scene.plugged and scene.water != scene.plugged[scene.body]:
+        raise ValueError(
+            f"the water of {scene.body!r} comes from the plugin in {scene.path}: change its <config> there"
+        )
+    if scene.held and (engine != "mujoco" or frozen_attitude):
+        raise ValueError(
+            f"{', '.join(scene.held)}: thrown by an arm, so that engine must be 'mujoco' (the reference "
+            "engine knows no arm) and the attitude free"
+        )
+    for name in scene.stones.keys() - scene.held:
+        _doubt_timestep(name, scene.stones[name], scene.throws[name], timestep)
     if frozen_attitude:
         scene = replace(scene, throws={n: replace(t, spin=0.0) for n, t in scene.throws.items()})
     make = MujocoEngine if engine == "mujoco" else ReferenceEngine
-    machine = make(scene, integrator, timestep, frozen_attitude=frozen_attitude)
+    machine: MujocoEngine | ReferenceEngine = make(
+        scene, integrator, timestep, frozen_attitude=frozen_attitude
+    )
     gravity = float(-scene.model.opt.gravity[2])
     logs = {
-        name: Log(name, stone, scene.water, limits, gravity=gravity)
+        name: Log(name, stone, scene.water_of(name), limits, gravity=gravity)
         for name, stone in scene.stones.items()
     }
     warm_up()
@@ -133,6 +150,8 @@ def simulate_all(
             _over_waves(machine, logs, timestep, moving)
     wall = time.perf_counter() - begun
     trajectories = {name: log.trajectory({}) for name, log in logs.items()}
+    thrown = {name: _thrown(scene, name, trajectories[name]) for name in scene.held}
+    scene = replace(scene, throws={**scene.throws, **thrown})
     for name, trajectory in trajectories.items():
         trajectory.attributes.update(
             version=version("mjskip"),
@@ -146,7 +165,7 @@ def simulate_all(
             own_dent=own_dent,
             frozen_attitude=frozen_attitude,
             throw=asdict(scene.throws[name]),
-            water=asdict(scene.water),
+            water=asdict(scene.water_of(name)),
             limits=asdict(limits),
             wall_seconds=wall,
         )
@@ -214,3 +233,26 @@ def _over_waves(
                 return
             done += WAVES_CHUNK
         motion = engine.advance(1)
+
+
+def _thrown(scene: Scene, name: str, trajectory: Trajectory) -> Throw:
+    """The throw that an arm made, as it was when the stone was let go."""
+    model, body = scene.model, find_body(scene.model, name)
+    let_go = max(
+        when
+        for grip, when in scene.arm.releases.items()
+        if body in (model.equality(grip).obj1id[0], model.equality(grip).obj2id[0])
+    )
+    k = min(int(np.searchsorted(trajectory.time, let_go)), len(trajectory.time) - 1)
+    velocity, omega = trajectory.velocity[k], trajectory.omega[k]
+    normal = matrices(trajectory.q[k]) @ scene.stones[name].disc_normal
+    attack, bank, spin = angles(normal, velocity, omega)
+    return Throw(
+        speed=float(np.linalg.norm(velocity)),
+        spin=float(spin),
+        attack=float(attack),
+        descent=float(np.arctan2(-velocity[2], np.hypot(velocity[0], velocity[1]))),
+        bank=float(bank),
+        wobble=float(np.linalg.norm(omega - spin * normal)),
+        height=max(0.0, float(trajectory.clearance[k])),
+    )

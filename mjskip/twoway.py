@@ -32,6 +32,8 @@ from mjskip.forces import observe
 from mjskip.lakes import Lake
 
 Array = npt.NDArray[np.float64]
+Head = tuple[npt.NDArray[np.float32], int, int]
+"""Heights (nx, ny) [m] of a load on the water, and its first cell."""
 
 MERGE_AFTER = 0.010
 """Dry time after which a touch is over and its waves are the lake's [s]."""
@@ -170,7 +172,7 @@ class MovingSurface:
                 f.highest for f in (self.lake, *(s.own for s in self._stones.values()))
             )
 
-    def _load(self, name: str, stone: _Stone) -> tuple[Array, int, int]:
+    def _load(self, name: str, stone: _Stone) -> Head:
         """The head (nx, ny) [m] of a stone's reaction and its first cell."""
         seen = self._seen[name][0]
         radius = math.sqrt(max(float(seen[12]), 0.0) / math.pi)
@@ -187,7 +189,7 @@ class MovingSurface:
         name: str,
         stone: _Stone,
         fields: list[Lake],
-        head: tuple[Array, int, int],
+        head: Head,
         before: Array,
         timestep: float,
     ) -> float:
@@ -252,10 +254,14 @@ class _Stone:
         self.block[kernels.SURFACE] = 0.0
 
 
-def _gather(fields: list[Lake], head: tuple[Array, int, int]) -> Array:
+def _gather(fields: list[Lake], head: Head) -> Array:
     """The sum of the elevations under a head."""
     heights, i, j = head
-    return sum((field.cells(i, j, heights.shape) for field in fields), np.zeros(heights.shape))
+    total = np.zeros(heights.shape)
+    for field in fields:
+        if field.awake_tiles:
+            total += field.cells(i, j, heights.shape)
+    return total
 
 
 def _largest_share(linear: float, square: float, loss: float) -> float:

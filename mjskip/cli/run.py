@@ -30,6 +30,7 @@ from mjskip.recording import Limits
 from mjskip.render import check_camera, gl_renderer, is_software, render_frames, render_video
 from mjskip.scene import Scene
 from mjskip.simulate import ENGINES, simulate_all
+from mjskip.throw import Throw
 from mjskip.trajectory import Trajectory
 from mjskip.video import check_folder, check_size, check_video_path
 
@@ -100,8 +101,8 @@ def run(
     if as_json:
         click.echo(json.dumps(report(scene, chosen), allow_nan=False))
     else:
-        for name, trajectory in trajectories.items():
-            out.print(headline(scene, name))
+        for trajectory in trajectories.values():
+            out.print(headline(scene, trajectory))
             if trajectory.contacts:
                 out.print(skip_table(trajectory))
             out.print(verdict(trajectory))
@@ -183,9 +184,10 @@ def skip_table(trajectory: Trajectory) -> Table:
     return table
 
 
-def headline(scene: Scene, name: str) -> str:
+def headline(scene: Scene, trajectory: Trajectory) -> str:
     """One line: the stone and its throw."""
-    throw, stone = scene.throws[name], scene.stones[name]
+    name = trajectory.attributes["body"]
+    throw, stone = Throw(**trajectory.attributes["throw"]), scene.stones[name]
     return (
         f"[bold]{name}[/] ({1e3 * stone.mass:.3g} g, {len(stone.faces)} triangles) "
         f"at {throw.speed:.3g} m/s, {throw.spin / (2.0 * math.pi):.3g} rev/s, "

@@ -181,6 +181,37 @@ class HeightField:
         )  # fmt: skip
         return SurfaceSample(elevation=out[:, 0], slope=out[:, 1:3], vertical_speed=out[:, 3])
 
+    def window(
+        self, x: float, y: float, shape: tuple[int, int]
+    ) -> tuple[SurfaceArray, FloatArray, FloatArray]:
+        """A copy of the elevation around a point, still water outside the field.
+
+        Args:
+            x, y: middle [m], rounded to whole cells.
+            shape: cells along x and y.
+
+        Returns:
+            Elevation (nx, ny) [m] and the positions of its cells along x (nx,) and y (ny,) [m].
+        """
+        first = [
+            round((at - float(cells[0])) / self.spacing - (n - 1) / 2)
+            for at, cells, n in zip((x, y), (self.x, self.y), shape, strict=True)
+        ]
+        block = np.zeros(shape, np.float32)
+        there, here = (
+            tuple(
+                slice(max(i, 0) - shift, max(min(i + n, size) - shift, 0))
+                for i, n, size, shift in zip(first, shape, self.shape, shifts, strict=True)
+            )
+            for shifts in ((0, 0), first)
+        )
+        block[here] = self.elevation[there]
+        places = [
+            np.asarray(cells[0] + (i + np.arange(n)) * self.spacing, np.float64)
+            for cells, i, n in zip((self.x, self.y), first, shape, strict=True)
+        ]
+        return block, places[0], places[1]
+
     # What acts on it ----------------------------------------------------------------------------
 
     def press(
