@@ -8,6 +8,7 @@ from importlib.metadata import version as _version
 
 from mjskip.coupling import attach as attach
 from mjskip.forces import wrench as wrench
+from mjskip.plugin import register_plugin as register_plugin
 from mjskip.recording import Limits as Limits
 from mjskip.reference import integrate as integrate
 from mjskip.render import render_video as render_video

@@ -43,7 +43,7 @@ MODEL_MEMBERS = (
     "geom_type", "geom_dataid", "geom_size", "geom_pos", "geom_quat",
     "mesh_vertadr", "mesh_vertnum", "mesh_vert", "mesh_faceadr", "mesh_facenum", "mesh_face",
     "plugin_attr", "plugin_attradr",
-    "sensor_plugin", "sensor_objtype", "sensor_objid", "sensor_adr",
+    "sensor_plugin", "sensor_adr",
 )  # fmt: skip
 (
     NBODY, NSENSOR, NPLUGIN, NPLUGINATTR,
@@ -52,7 +52,7 @@ MODEL_MEMBERS = (
     GEOM_TYPE, GEOM_DATAID, GEOM_SIZE, GEOM_POS, GEOM_QUAT,
     MESH_VERTADR, MESH_VERTNUM, MESH_VERT, MESH_FACEADR, MESH_FACENUM, MESH_FACE,
     PLUGIN_ATTR, PLUGIN_ATTRADR,
-    SENSOR_PLUGIN, SENSOR_OBJTYPE, SENSOR_OBJID, SENSOR_ADR,
+    SENSOR_PLUGIN, SENSOR_ADR,
 ) = range(MEMBERS, MEMBERS + len(MODEL_MEMBERS))  # fmt: skip
 DATA_MEMBERS = (
     "xipos", "xmat", "cvel", "cdof", "subtree_com", "qfrc_passive", "body_awake", "sensordata",
@@ -66,7 +66,6 @@ READING = 7
 
 # MuJoCo's constants, part of its binary interface
 SENSOR, PASSIVE = 2, 4  # capabilities
-OBJ_BODY = 1
 GEOM_MESH = 7
 ASLEEP = 0
 WARN_BADQACC = 5
@@ -297,15 +296,14 @@ def _push(table: Any, model: int, data: int, body: int, scratch: int) -> None:
 
 @kernel
 def _sense(table: Any, model: int, data: int, instance: int, sensor: int, scratch: int) -> None:
-    """One sensor: its readings of the body it names, or of every body of the instance in turn."""
+    """One sensor: its readings of every body of the instance in turn."""
     wrench, seen = as_doubles(scratch + 8 * 18), as_doubles(scratch + 8 * 35)
     out = as_words(data + table[SENSORDATA])[0] + 8 * _ints(table, model, SENSOR_ADR)[sensor]
     reading = as_doubles(out)
-    chosen = _chosen(table, model, sensor)
     plugin = _ints(table, model, BODY_PLUGIN)
     at = 0
     for body in range(1, _size(table, model, NBODY)):
-        if plugin[body] != instance or (chosen >= 0 and body != chosen):
+        if plugin[body] != instance:
             continue
         block = _load(table, model, data, body, instance, scratch)
         for i in range(6):
@@ -316,26 +314,18 @@ def _sense(table: Any, model: int, data: int, instance: int, sensor: int, scratc
         at += READING
 
 
-@kernel
-def _chosen(table: Any, model: int, sensor: int) -> int:
-    """The body that a sensor names, -1 if none."""
-    named = _ints(table, model, SENSOR_OBJTYPE)[sensor] == OBJ_BODY
-    return _ints(table, model, SENSOR_OBJID)[sensor] if named else -1
-
-
 def nstate(model: int, instance: int) -> int:
     """No state: it is all in the model and in the data."""
     return 0
 
 
 def nsensordata(model: int, instance: int, sensor: int) -> int:
-    """Numbers that a sensor shows: READING for every body it is about."""
+    """Numbers that a sensor shows: READING for every body of the instance."""
     table = as_words(_root())
-    chosen = _chosen(table, model, sensor)
     plugin = _ints(table, model, BODY_PLUGIN)
     count = 0
     for body in range(1, _size(table, model, NBODY)):
-        if plugin[body] == instance and (chosen < 0 or body == chosen):
+        if plugin[body] == instance:
             count += READING
     return count
 

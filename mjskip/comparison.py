@@ -139,13 +139,19 @@ def compare(
     ladder = _ladder(timesteps)
     fine = ladder[-1]
     progress("yardstick")
-    long = simulate(
-        scene, engine="reference", integrator="adaptive", timestep=fine, limits=_until(2.0)
-    )
-    if not long.contacts:
+    scout = simulate(scene, engine="reference", timestep=fine, limits=_until(2.0))
+    if not scout.contacts:
         raise ValueError(
             "the stone does not touch the water within 2 s: throw it lower or downwards"
         )
+    far_enough = scout.contacts[0].entry.time + LONGEST_TOUCH + 2.0 * ladder[0]
+    long = simulate(
+        scene,
+        engine="reference",
+        integrator="adaptive",
+        timestep=fine,
+        limits=_until(far_enough),
+    )
     touch = long.contacts[0]
     begins = touch.entry.time
     ends = min(begins + LONGEST_TOUCH, touch.exit.time if touch.exit else math.inf, long.time[-1])

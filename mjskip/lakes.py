@@ -103,7 +103,8 @@ class Lake:
     @property
     def memory(self) -> int:
         """Bytes that hold the water now."""
-        return self._z.nbytes + self._prev.nbytes + self._neighbours.nbytes
+        spare = 2 * self._spare[0].nbytes if self._spare else 0
+        return self._z.nbytes + self._prev.nbytes + self._neighbours.nbytes + spare
 
     def volume(self) -> float:
         """Water above the still level minus water missing below it [m^3]."""
@@ -149,20 +150,22 @@ class Lake:
         )
         at = (np.column_stack([c.ravel() for c in columns]) - self._origin) / self.spacing
         out = np.zeros((len(at), 4))
-        homes, inverse = np.unique(np.floor_divide(at, TILE), axis=0, return_inverse=True)
-        for h, home in enumerate(homes):
-            points = np.flatnonzero(inverse.ravel() == h)
-            # Two cells more than the tile, for slopes; fewer at a wall, which mirrors.
+        nowhere = ~np.isfinite(at).all(axis=1)
+        at[nowhere] = 0.0
+        home = np.floor_divide(at, TILE).astype(np.int64)
+        home = (home[:, 0] << 32) + home[:, 1]
+        for name in np.unique(home):
+            points = np.flatnonzero(home == name)
+            # The cells around the points and one more for slopes; a wall mirrors, so it ends there.
+            box = np.floor([at[points].min(axis=0) - 1, at[points].max(axis=0) + 3]).astype(int)
             (i0, i1), (j0, j1) = (
-                (max(first - 2, 0), min(first + TILE + 2, n))
-                if n
-                else (first - 2, first + TILE + 2)
-                for first, n in zip((home * TILE).astype(int), self.shape or (0, 0), strict=True)
+                (max(low, 0), min(high, n)) if n else (low, high)
+                for low, high, n in zip(*box.tolist(), self.shape or (0, 0), strict=True)
             )
             if i1 <= i0 or j1 <= j0:
                 continue
             z, prev = (
-                np.pad(self._copy(pool, i0, j0, (i1 - i0, j1 - j0)), 1)
+                self._copy(pool, i0 - 1, j0 - 1, (i1 - i0 + 2, j1 - j0 + 2))
                 for pool in (self._z, self._prev)
             )
             local = np.empty((len(points), 4))
@@ -171,6 +174,7 @@ class Lake:
                 self.spacing, self._last_timestep, local,
             )  # fmt: skip
             out[points] = local
+        out[nowhere] = 0.0
         return SurfaceSample(elevation=out[:, 0], slope=out[:, 1:3], vertical_speed=out[:, 3])
 
     # What acts on it ----------------------------------------------------------------------------
@@ -215,6 +219,7 @@ class Lake:
         self._z = np.zeros((SMALLEST_POOL, TILE, TILE), np.float32)
         self._prev = np.zeros_like(self._z)
         self._neighbours = np.zeros((SMALLEST_POOL, 9), np.int32)
+        self._spare: tuple[SurfaceArray, SurfaceArray] | None = None  # made at a change of step
         self._loads: list[tuple[SurfaceArray, int, int]] = []
         self._last_timestep = 0.0
         self._steps = 0
@@ -354,12 +359,17 @@ class Lake:
         half = 0.5 * self.damping
         self._sweep(-(t1 / t0) * (1.0 - half * t0), -0.5 * rate2 * t0 * t1)
         level, before = self._z, self._prev
-        self._z, self._prev = level - before, np.zeros_like(level)
+        if self._spare is None or len(self._spare[0]) != len(level):
+            self._spare = np.zeros_like(level), np.zeros_like(level)
+        self._z, self._prev = self._spare
+        used = np.s_[: self._used]
+        np.subtract(level[used], before[used], out=self._z[used])
         calm = math.sqrt(calming(t0, t1)) * COURANT_LIMITS["nine_point"] ** 2 / 4.0
         for a in (calm, -calm):
             self._sweep(0.0, a)
             self._z, self._prev = self._prev, self._z
-        before[...] = level - np.float32(1.0 + half * t1) * self._z
+        self._z[used] *= np.float32(1.0 + half * t1)
+        np.subtract(level[used], self._z[used], out=before[used])
         self._z, self._prev = level, before
         self._sweep(-1.0, 0.5 * rate2 * t1 * t1)
 
@@ -451,6 +461,7 @@ class Lake:
             new = np.zeros((capacity, *old.shape[1:]), old.dtype)
             new[: self._used] = old[: self._used]
             setattr(self, name, new)
+        self._spare = None
 
     # Cells --------------------------------------------------------------------------------------
 

@@ -8,11 +8,10 @@
     ...
     <body name="stone"> <plugin instance="lake"/> ... </body>
     ...
-    <sensor> <plugin name="water" instance="lake" objtype="body" objname="stone"/> </sensor>
+    <sensor> <plugin name="water" instance="lake"/> </sensor>
 
 Keys are the fields of `Water`. A sensor shows force (3) [N] and torque (3) [N m] of water and air, world
-frame, about the centre of mass, and wetted area [m^2]: of the body it names, or of every body of the
-instance in turn.
+frame, about the centre of mass, and wetted area [m^2], of every body of the instance in turn.
 """
 
 from __future__ import annotations
@@ -209,6 +208,7 @@ def _answer(model: int, address: int, _unused: int) -> None:
     try:
         view = _layout.ModelView(model)
         water = _configured(view, request[kernels.INSTANCE])
+        _check_sensors(view, request[kernels.INSTANCE])
         if body >= 0:
             with _lock:
                 if _blocks.built.get(key) is None:
@@ -246,6 +246,15 @@ def _switch(key: str, text: str) -> bool:
     if text not in ("true", "false"):
         raise ValueError(f"{key} is {text!r}: give true or false")
     return text == "true"
+
+
+def _check_sensors(view: _layout.ModelView, instance: int) -> None:
+    """MuJoCo asks for a sensor's size before it says which object the sensor names."""
+    if view.sensor_objtype[view.sensor_plugin == instance].any():
+        raise ValueError(
+            f"plugin {NAME}: a sensor shows every body of its instance in turn; leave out objtype and "
+            "objname, and give a body an instance of its own for a sensor of its own"
+        )
 
 
 def _number(key: str, text: str) -> float:

@@ -27,7 +27,8 @@ LAYERS = (
         "_plugin_kernels",
     },
     {"forces", "waves", "skin", "bodies"},
-    {"recording", "coupling", "plugin", "scene", "lakes"},
+    {"plugin", "arm"},
+    {"recording", "coupling", "scene", "lakes"},
     {"reference"},
     {"simulate", "render"},
     {"comparison", "sweep"},
@@ -38,6 +39,7 @@ LAYERS = (
 
 RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}
 READERS = {
+    "arm",
     "bodies",
     "coupling",
     "plugin",

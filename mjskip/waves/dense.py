@@ -90,6 +90,7 @@ class DenseWater:
         cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
         self._threads = threads or max(1, min(cores, nx * ny // CELLS_PER_THREAD))
         self._rows = [aligned_zeros(3, stride) for _ in range(self._threads)]
+        self._spare: tuple[SurfaceArray, SurfaceArray] | None = None  # made at a change of step
         self._pool: tuple[int, ThreadPoolExecutor] | None = None
         self._row_step = kernels.step_five if stencil == "five_point" else kernels.step_nine
         self._cuts = {
@@ -151,14 +152,15 @@ class DenseWater:
         half = 0.5 * self._damping
         self._apply(-(t1 / t0) * (1.0 - half * t0), -0.5 * rate2 * t0 * t1)
         level, before = self.z, self.prev
-        self.z, self.prev = level - before, np.zeros_like(level)
+        self.z, self.prev = self._spare = self._spare or (np.zeros_like(level), level.copy())
+        np.subtract(level, before, out=self.z)
         calm = math.sqrt(calming(t0, t1)) * COURANT_LIMITS[self.stencil] ** 2 / 4.0
         for a in (calm, -calm):  # (1 + a L)(1 - a L) = 1 - calming (k / k_max)^4
             self._fill_ghosts(timestep, plain=True)
             self._apply(0.0, a)
             self.z, self.prev = self.prev, self.z
-        inside = np.s_[1 : self.i1, self.j0 : self.j1]
-        before[inside] = level[inside] - np.float32(1.0 + half * t1) * self.z[inside]
+        self.z *= np.float32(1.0 + half * t1)
+        np.subtract(level, self.z, out=before)
         self.z, self.prev = level, before
         self._apply(-1.0, 0.5 * rate2 * t1 * t1)
 
