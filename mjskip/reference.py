@@ -76,9 +76,9 @@ def integrate(
         rtol=rtol,
     )
     log = Log(name, stone, water, limits, gravity=-gravity[2])
-    times, states = np.zeros(1), integrator.start()
-    while not log.extend(times, states):
-        times = times[-1] + timestep * np.arange(1, CHUNK + 1)
+    done, states = 0, integrator.start()
+    while not log.extend(timestep * np.arange(done, done + len(states)), states):
+        done += len(states)
         states = integrator.advance(CHUNK)
     return log.trajectory(
         {
