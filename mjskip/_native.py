@@ -80,6 +80,16 @@ def as_words(typingctx: Any, address: Any) -> Any:
     return types.CPointer(types.int64)(types.int64), codegen
 
 
+@intrinsic
+def bits(typingctx: Any, number: Any) -> Any:
+    """The 64 bits of a double as an int64: how an address travels among doubles."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.bitcast(args[0], ir.IntType(64))
+
+    return types.int64(types.float64), codegen
+
+
 def symbol(name: str, address: int) -> Any:
     """An intrinsic that returns `address` by looking up `name` when code is linked.
 

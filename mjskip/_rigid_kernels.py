@@ -15,20 +15,51 @@ STATE = 18  # of a state for the force kernel: x (3), rotation (9), velocity (3)
 
 
 @kernel
+def _turn(w: float, x: float, y: float, z: float, state: Any) -> None:
+    """Rotation matrix of a quaternion of any length into a state."""
+    scale = 2.0 / (w * w + x * x + y * y + z * z)
+    state[3] = 1.0 - scale * (y * y + z * z)
+    state[4] = scale * (x * y - w * z)
+    state[5] = scale * (x * z + w * y)
+    state[6] = scale * (x * y + w * z)
+    state[7] = 1.0 - scale * (x * x + z * z)
+    state[8] = scale * (y * z - w * x)
+    state[9] = scale * (x * z - w * y)
+    state[10] = scale * (y * z + w * x)
+    state[11] = 1.0 - scale * (x * x + y * y)
+
+
+@kernel
+def free_motion(qpos: Any, qvel: Any, centre: Any, states: Any) -> None:
+    """States (n, 18) of free joints: pose (n, 7) and velocity (n, 6) of the body's own origin.
+
+    Linear velocity is in the world, angular velocity in body axes, as MuJoCo has them; `centre` is the
+    centre of mass in body axes (3,).
+    """
+    for n in range(qpos.shape[0]):
+        state = states[n]
+        _turn(qpos[n, 3], qpos[n, 4], qpos[n, 5], qpos[n, 6], state)
+        for i in range(3):
+            arm = omega = 0.0
+            for j in range(3):
+                arm += state[3 + 3 * i + j] * centre[j]
+                omega += state[3 + 3 * i + j] * qvel[n, 3 + j]
+            state[i] = qpos[n, i] + arm
+            state[15 + i] = omega
+        for i in range(3):  # v = v_origin + omega x arm
+            j, k = (i + 1) % 3, (i + 2) % 3
+            state[12 + i] = (
+                qvel[n, i]
+                + state[15 + j] * (state[k] - qpos[n, k])
+                - state[15 + k] * (state[j] - qpos[n, j])
+            )
+
+
+@kernel
 def motion(y: Any, mass: float, inverse_inertia: Any, state: Any) -> None:
     """State of the force kernel from y: v = P / m, omega = R I^-1 R^T L."""
-    w, x, y_, z = y[3], y[4], y[5], y[6]
-    scale = 2.0 / (w * w + x * x + y_ * y_ + z * z)
     state[0], state[1], state[2] = y[0], y[1], y[2]
-    state[3] = 1.0 - scale * (y_ * y_ + z * z)
-    state[4] = scale * (x * y_ - w * z)
-    state[5] = scale * (x * z + w * y_)
-    state[6] = scale * (x * y_ + w * z)
-    state[7] = 1.0 - scale * (x * x + z * z)
-    state[8] = scale * (y_ * z - w * x)
-    state[9] = scale * (x * z - w * y_)
-    state[10] = scale * (y_ * z + w * x)
-    state[11] = 1.0 - scale * (x * x + y_ * y_)
+    _turn(y[3], y[4], y[5], y[6], state)
     for i in range(3):
         state[12 + i] = y[7 + i] / mass
         state[15 + i] = 0.0

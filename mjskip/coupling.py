@@ -35,6 +35,7 @@ class Coupling:
         bodies: ids of the bodies the water acts on.
         stones: what each of them is to the water, in the same order.
         water: the fluid.
+        blocks: what the force kernel knows of each; a patch of surface may be put there.
     """
 
     model: mujoco.MjModel
@@ -43,7 +44,7 @@ class Coupling:
     water: Water
     _entry: npt.NDArray[np.int64] = field(repr=False)
     _frames: list[npt.NDArray[np.float64]] = field(repr=False)
-    _blocks: list[npt.NDArray[np.float64]] = field(repr=False)
+    blocks: list[npt.NDArray[np.float64]] = field(repr=False)
 
     def check(self) -> None:
         """Raise if a force was not finite since `attach`.
@@ -72,7 +73,7 @@ class Coupling:
         states = pack_states(
             data.xipos[body][None], rotation, velocity[None, 3:], velocity[None, :3]
         )
-        return wrench_of(self._blocks[self.bodies.index(body)], states)
+        return wrench_of(self.blocks[self.bodies.index(body)], states)
 
 
 @contextmanager
@@ -142,7 +143,8 @@ def _couple(
                     f"no geom {geom!r} on these bodies: their geoms are {', '.join(has)}"
                 )
     stones = [body_stone(model, body, geoms=geoms) for body in ids]
-    blocks = [pack(stone, water) for stone in stones]
+    gravity = float(-model.opt.gravity[2])
+    blocks = [pack(stone, water, gravity=gravity) for stone in stones]
     frames = [np.array([*model.body_ipos[body], 1.0, 0.0, 0.0, 0.0]) for body in ids]
     words = [model.nbody, len(ids), -1, 0]
     for body, frame, block in zip(ids, frames, blocks, strict=True):
@@ -154,7 +156,7 @@ def _couple(
         water=water,
         _entry=np.array(words, dtype=np.int64),
         _frames=frames,
-        _blocks=blocks,
+        blocks=blocks,
     )
 
 

@@ -93,8 +93,8 @@ def wrench_of(block: Array, states: Array) -> Wrench:
     )
 
 
-def pack(stone: Stone, water: Water) -> Array:
-    """The block of doubles that the kernels know a stone in its water by."""
+def pack(stone: Stone, water: Water, *, gravity: float = 9.81) -> Array:
+    """The block of doubles that the kernels know a stone in its water by; gravity [m/s^2] for buoyancy."""
     law = LAWS[water.law]
     areas = np.linalg.norm(stone.area_vectors, axis=1)
     block = np.zeros(kernels.HEADER + len(stone.faces) * kernels.ROW)
@@ -105,6 +105,10 @@ def pack(stone: Stone, water: Water) -> Array:
     block[kernels.SPEED_NORMAL] = water.density * law.speed_normal
     block[kernels.SPEED_SQUARED] = water.density * law.speed_squared
     block[kernels.FRICTION] = water.density * law.friction
+    block[kernels.WEIGHT_DENSITY] = water.density * gravity if water.buoyancy else 0.0
+    block[kernels.SKIN_DENSITY] = water.density if water.skin_friction else 0.0
+    block[kernels.VISCOSITY] = water.viscosity
+    block[kernels.LENGTH] = 2.0 * np.sqrt(stone.disc_area / np.pi)
     block[kernels.AIR_DENSITY] = water.air_density
     block[kernels.DISC_AREA] = stone.disc_area
     block[kernels.DISC_NORMAL : kernels.DISC_NORMAL + 3] = stone.disc_normal

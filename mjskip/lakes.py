@@ -228,6 +228,80 @@ class Lake:
         self.lost_volume = 0.0
         """Water that went with tiles that fell asleep [m^3]."""
 
+    # Two-way water ------------------------------------------------------------------------------
+
+    def sibling(self) -> "Lake":
+        """Still water of the same cells, walls and waves: what both do adds up."""
+        other = Lake(
+            self.shape, self.spacing, self.wave_speed, self.damping,
+            sleep_amplitude=self.sleep_amplitude,
+        )  # fmt: skip
+        other._origin = self._origin
+        return other
+
+    def absorb(self, other: "Lake") -> None:
+        """Take the waves of a sibling that stepped alongside, which is left still."""
+        for tile, theirs in other._slots.items():
+            slot = self._wake(tile)
+            self._z[slot] += other._z[theirs]
+            self._prev[slot] += other._prev[theirs]
+        self._last_timestep = other._last_timestep or self._last_timestep
+        self.lost_volume += other.lost_volume
+        time = other.time
+        other.reset()
+        other.time = time
+        self._wake_neighbours()
+
+    @property
+    def highest(self) -> float:
+        """Greatest |elevation| [m]."""
+        return float(np.abs(self._z[1 : self._used]).max(initial=0.0))
+
+    def cells(self, i: int, j: int, shape: tuple[int, int]) -> SurfaceArray:
+        """Elevation of a block of cells, a copy; still where there is no water."""
+        return self._copy(self._z, i, j, shape)
+
+    def add_block(self, x: float, y: float, points: FloatArray) -> tuple[float, float]:
+        """Add elevation and vertical speed around a point to points (2, n, n).
+
+        Returns:
+            Position of the first cell of the block [m].
+        """
+        n = points.shape[1]
+        i, j = (
+            round((at - origin) / self.spacing) - n // 2
+            for at, origin in zip((x, y), self._origin, strict=True)
+        )
+        level = self._copy(self._z, i, j, (n, n))
+        points[0] += level
+        if self._last_timestep > 0.0:
+            points[1] += (level - self._copy(self._prev, i, j, (n, n))) / self._last_timestep
+        return self._origin[0] + i * self.spacing, self._origin[1] + j * self.spacing
+
+    def head(
+        self, x: float, y: float, *, radius: float, volume: float
+    ) -> tuple[SurfaceArray, int, int] | None:
+        """A round head, (nx, ny) [m], of this volume [cells x m], and its first cell; see `press`."""
+        return self._round_head(x, y, radius, volume)
+
+    def bend(self, head: SurfaceArray, timestep: float) -> SurfaceArray:
+        """What a head adds to the elevation in one step, on its cells and one more all round."""
+        r = (self.wave_speed * timestep / self.spacing) ** 2
+        edge, corner = (
+            w * r / (1.0 + 0.5 * self.damping * timestep) for w in WEIGHTS["nine_point"]
+        )
+        block = np.zeros((head.shape[0] + 4, head.shape[1] + 4), np.float32)
+        kernels.add_head(
+            block, head, 2, 2, block.shape[0] - 1, 1, block.shape[1] - 1, kernels.REFLECT,
+            edge, corner, NO_MASK,
+        )  # fmt: skip
+        return block[1:-1, 1:-1]
+
+    def add_elevation(self, block: SurfaceArray, i: int, j: int) -> None:
+        """Raise a block of cells, waking the tiles under it."""
+        self._add(block, i, j)
+        self._wake_neighbours()
+
     # Time ---------------------------------------------------------------------------------------
 
     def step(self, timestep: float) -> None:

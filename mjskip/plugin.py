@@ -39,6 +39,7 @@ from mjskip.water import Water
 
 NAME = "mjskip.water"
 KEYS = tuple(field.name for field in fields(Water))
+SWITCHES = {field.name for field in fields(Water) if field.type in (bool, "bool")}
 NUMBERS = {field.name for field in fields(Water) if field.type in (float, "float")}
 
 _lock = threading.RLock()
@@ -235,9 +236,16 @@ def _configured(view: _layout.ModelView, instance: int) -> Water:
     who = f"plugin {NAME}" + (f", instance {told.name!r}" if told.name else "")
     try:
         numbers = {key: _number(key, text) for key, text in given.items() if key in NUMBERS}
-        return Water(**(given | numbers))
+        switches = {key: _switch(key, text) for key, text in given.items() if key in SWITCHES}
+        return Water(**(given | numbers | switches))
     except ValueError as error:
         raise ValueError(f"{who}: {error}") from error
+
+
+def _switch(key: str, text: str) -> bool:
+    if text not in ("true", "false"):
+        raise ValueError(f"{key} is {text!r}: give true or false")
+    return text == "true"
 
 
 def _check_sensors(view: _layout.ModelView, instance: int) -> None:

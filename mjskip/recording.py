@@ -56,21 +56,36 @@ class Limits:
 class Log:
     """Collects the motion of one stone, chunk by chunk, and says when it is over."""
 
-    def __init__(self, name: str, stone: Stone, water: Water, limits: Limits) -> None:
+    def __init__(
+        self, name: str, stone: Stone, water: Water, limits: Limits, *, gravity: float = 9.81
+    ) -> None:
         self.name = name
         self.stone = stone
         self.limits = limits
         self.end: str | None = None
-        self._block = pack(stone, water)
+        self._block = pack(stone, water, gravity=gravity)
         self._times: list[Array] = []
         self._states: list[Array] = []
         self._observed: list[Array] = []
+        self._shares: list[Array] = []
         self._since_dry = 0.0  # time of the last moment after which it was never dry for long
         self._since_fast = 0.0
         self._left: float | None = None  # time at which it last became dry
 
-    def extend(self, times: Array, states: Array) -> str | None:
+    def extend(
+        self,
+        times: Array,
+        states: Array,
+        observed: Array | None = None,
+        shares: Array | None = None,
+    ) -> str | None:
         """Append motion (n,), (n, 18); the reason if the run is over within it.
+
+        Args:
+            times: (n,) [s].
+            states: (n, 18), for the force kernel.
+            observed: (n, 17) as `mjskip.forces.observe`; over still water if None.
+            shares: (n,) of the vertical force that the water was given back; 1 if None.
 
         Raises:
             DivergedError: a state or a force is not finite.
@@ -78,7 +93,7 @@ class Log:
         if self.end is not None or len(times) == 0:
             return self.end
         with np.errstate(all="ignore"):
-            observed = observe(self._block, states)
+            observed = observe(self._block, states) if observed is None else observed
         good = np.isfinite(states).all(axis=1) & np.isfinite(observed).all(axis=1)
         if not good.all():
             k = int(np.argmin(good))
@@ -99,6 +114,7 @@ class Log:
         self._times.append(times[:keep])
         self._states.append(states[:keep])
         self._observed.append(observed[:keep])
+        self._shares.append(np.ones(keep) if shares is None else shares[:keep])
         return self.end
 
     def _verdict(self, time: float, state: Array, clearance: float) -> str | None:
@@ -145,6 +161,7 @@ class Log:
             force=seen[:, 0:3],
             torque=seen[:, 3:6],
             air_force=seen[:, 6:9],
+            water_load=seen[:, 2] * np.concatenate(self._shares),
             wetted_area=seen[:, 12],
             wetted_centre=seen[:, 13:16],
             clearance=seen[:, 16],

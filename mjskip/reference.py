@@ -65,21 +65,21 @@ def integrate(
         DivergedError: the motion is no longer finite.
     """
     water, limits = water or Water(), limits or Limits()
-    check_positive(timestep=timestep, rtol=rtol)
-    if method not in METHODS:
-        raise ValueError(f"method is {method!r}: use one of {', '.join(METHODS)}")
-    start = throw.state(stone) if isinstance(throw, Throw) else throw
-    inertia = np.zeros((3, 3)) if frozen_attitude else _inverse(stone.inertia)
-    y = _packed(stone, start)
-    stepper = _adaptive if method == "adaptive" else _fixed
-    log = Log(name, stone, water, limits)
-    problem = _Problem(pack(stone, water), stone.mass, inertia, np.array(gravity))
-    first = np.empty((1, kernels.STATE))
-    kernels.motion(y, stone.mass, inertia, first[0])
-    log.extend(np.zeros(1), first)
-    for times, states in stepper(problem, y, method, timestep, rtol):
-        if log.extend(times, states):
-            break
+    integrator = Integrator(
+        stone,
+        throw.state(stone) if isinstance(throw, Throw) else throw,
+        water=water,
+        method=method,
+        timestep=timestep,
+        gravity=gravity,
+        frozen_attitude=frozen_attitude,
+        rtol=rtol,
+    )
+    log = Log(name, stone, water, limits, gravity=-gravity[2])
+    done, states = 0, integrator.start()
+    while not log.extend(timestep * np.arange(done, done + len(states)), states):
+        done += len(states)
+        states = integrator.advance(CHUNK)
     return log.trajectory(
         {
             "engine": "reference",
@@ -91,22 +91,87 @@ def integrate(
     )
 
 
-class _Problem:
-    """What stays the same during a run."""
+class Integrator:
+    """One stone in motion, moved on step by step.
 
-    def __init__(self, block: Array, mass: float, inverse_inertia: Array, gravity: Array) -> None:
-        self.block = block
-        self.mass = mass
-        self.inverse_inertia = inverse_inertia
-        self.gravity = gravity
-        self.wrench = wrench_address()
+    Attributes:
+        block: what the force kernel knows of it; a patch of surface may be put there.
+    """
+
+    def __init__(
+        self,
+        stone: Stone,
+        start: State,
+        *,
+        water: Water,
+        method: str = "rk4",
+        timestep: float = 5e-4,
+        gravity: tuple[float, float, float] = (0.0, 0.0, -9.81),
+        frozen_attitude: bool = False,
+        rtol: float = 1e-10,
+    ) -> None:
+        """Take a stone as it leaves the hand; arguments and errors as for `integrate`."""
+        check_positive(timestep=timestep, rtol=rtol)
+        if method not in METHODS:
+            raise ValueError(f"method is {method!r}: use one of {', '.join(METHODS)}")
+        self.block = pack(stone, water, gravity=-gravity[2])
+        self._mass = stone.mass
+        self._inverse_inertia = np.zeros((3, 3)) if frozen_attitude else _inverse(stone.inertia)
+        self._gravity = np.array(gravity)
+        self._wrench = wrench_address()
+        self._method, self._timestep = method, timestep
+        self._y = _packed(stone, start)
         self._state, self._load = np.empty(kernels.STATE), np.empty(12)
+        self._done = 0
+        self._solver: DOP853 | None = None
+        if method == "adaptive":
+            absolute: Any = (
+                1e-3 * rtol * np.maximum(np.abs(self._y), 1e-3 * np.linalg.norm(self._y))
+            )
+            self._solver = DOP853(
+                self._derivative, 0.0, self._y, np.inf,
+                max_step=timestep, rtol=rtol, atol=absolute,
+            )  # fmt: skip
 
-    def derivative(self, _time: float, y: Array) -> Array:
+    def start(self) -> Array:
+        """State (1, 18) for the force kernel, as the stone leaves the hand."""
+        states = np.empty((1, kernels.STATE))
+        kernels.motion(self._y, self._mass, self._inverse_inertia, states[0])
+        return states
+
+    def advance(self, steps: int) -> Array:
+        """Move on by some steps: states (steps, 18) after each.
+
+        Raises:
+            MjskipError: the adaptive solver gave up.
+        """
+        states = np.empty((steps, kernels.STATE))
+        if self._solver is None:
+            code = {"euler": kernels.EULER, "midpoint": kernels.MIDPOINT, "rk4": kernels.RK4}
+            kernels.march(
+                self._wrench, self.block, self._y, self._mass, self._inverse_inertia,
+                self._gravity, code[self._method], self._timestep, states,
+            )  # fmt: skip
+            return states
+        for row in states:
+            self._done += 1
+            time = self._done * self._timestep
+            while self._solver.t < time:
+                message = self._solver.step()
+                if self._solver.status == "failed":
+                    raise MjskipError(
+                        f"the adaptive integrator stopped at {self._solver.t:.6g} s: {message}"
+                    )
+            kernels.motion(
+                self._solver.dense_output()(time), self._mass, self._inverse_inertia, row
+            )
+        return states
+
+    def _derivative(self, _time: float, y: Any) -> Any:
         """dy/dt of y (13,)."""
         out = np.empty(kernels.SIZE)
         kernels.derivative(
-            self.wrench, self.block, y, self.mass, self.inverse_inertia, self.gravity,
+            self._wrench, self.block, y, self._mass, self._inverse_inertia, self._gravity,
             self._state, self._load, out,
         )  # fmt: skip
         return out
@@ -121,39 +186,3 @@ def _packed(stone: Stone, start: State) -> Array:
     rotation = matrices(start.q)
     spin = rotation @ (stone.inertia @ (rotation.T @ start.omega))
     return np.concatenate([start.position, start.q, stone.mass * start.velocity, spin])
-
-
-def _fixed(problem: _Problem, y: Array, method: str, timestep: float, _rtol: float) -> Any:
-    """Endless chunks of (times, states) at a fixed step; y is advanced in place."""
-    code = {"euler": kernels.EULER, "midpoint": kernels.MIDPOINT, "rk4": kernels.RK4}[method]
-    done = 0
-    while True:
-        states = np.empty((CHUNK, kernels.STATE))
-        kernels.march(
-            problem.wrench, problem.block, y, problem.mass, problem.inverse_inertia,
-            problem.gravity, code, timestep, states,
-        )  # fmt: skip
-        yield timestep * np.arange(done + 1, done + CHUNK + 1), states
-        done += CHUNK
-
-
-def _adaptive(problem: _Problem, y: Array, _method: str, timestep: float, rtol: float) -> Any:
-    """Endless chunks of (times, states) from DOP853 dense output, a row every `timestep`."""
-    absolute: Any = 1e-3 * rtol * np.maximum(np.abs(y), 1e-3 * np.linalg.norm(y))
-    solver = DOP853(problem.derivative, 0.0, y, np.inf, max_step=timestep, rtol=rtol, atol=absolute)
-    done = 0
-    while True:
-        rows = np.empty((CHUNK, kernels.STATE))
-        times = timestep * np.arange(done + 1, done + CHUNK + 1)
-        for row, time in enumerate(times):
-            while solver.t < time:
-                message = solver.step()
-                if solver.status == "failed":
-                    raise MjskipError(
-                        f"the adaptive integrator stopped at {solver.t:.6g} s: {message}"
-                    )
-            kernels.motion(
-                solver.dense_output()(time), problem.mass, problem.inverse_inertia, rows[row]
-            )
-        yield times, rows
-        done += CHUNK

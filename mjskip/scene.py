@@ -21,6 +21,7 @@ import numpy as np
 from mjskip.arm import Arm
 from mjskip.bodies import body_name, body_stone, find_body, free_bodies
 from mjskip.errors import SceneError
+from mjskip.lakes import Lake
 from mjskip.plugin import NAME, plugin_water, register_plugin
 from mjskip.stone import Stone
 from mjskip.throw import Throw
@@ -32,6 +33,9 @@ WATER = {field.name for field in fields(Water)}
 FIELD = {"shape", "spacing", "wave_speed", "damping", "stencil", "boundary", "centre"}
 THROW = {field.name for field in fields(Throw)}
 TEXTS = {"gate", "law", "stencil", "boundary"}
+SWITCHES = {field.name for field in fields(Water) if field.type in (bool, "bool")}
+DEFAULT_SHAPE = (512, 512)
+"""Cells of a lake with walls whose scene does not say: `HeightField`'s, rounded up to whole tiles."""
 PAIRS = {"shape", "centre"}
 CONTROL, RELEASE = "control.", "release."
 
@@ -45,7 +49,7 @@ class Scene:
         model: as compiled; not to be altered.
         body: name of the stone that is asked about.
         water: the fluid about the chosen body.
-        lake: arguments of the scene's `HeightField`.
+        grid: arguments of the scene's `HeightField`.
         throws: the throw of every free body, by name.
         own: names of the throw settings that the scene gives to single bodies, by body.
         plugged: the water of every body that has it from the engine plugin, by name; of all or none.
@@ -57,7 +61,7 @@ class Scene:
     model: mujoco.MjModel
     body: str
     water: Water
-    lake: Mapping[str, Any]
+    grid: Mapping[str, Any]
     throws: Mapping[str, Throw]
     own: Mapping[str, frozenset[str]]
     plugged: Mapping[str, Water]
@@ -79,9 +83,30 @@ class Scene:
         """The chosen body as a stone."""
         return self.stones[self.body]
 
+    def water_of(self, body: str) -> Water:
+        """The fluid about a body: its plugin's, or the scene's."""
+        return self.plugged.get(body, self.water)
+
     def field(self) -> HeightField:
         """A fresh water surface with this scene's settings."""
-        return HeightField(**self.lake)
+        return HeightField(**self.grid)
+
+    def lake(self) -> Lake:
+        """Fresh two-way water: endless if the scene's boundary absorbs, else inside its walls.
+
+        Raises:
+            ValueError: the walls are not on tiles, or the scene asks for what lakes of tiles lack.
+        """
+        grid = dict(self.grid)
+        stencil = grid.pop("stencil", "nine_point")
+        boundary = grid.pop("boundary", "reflect")
+        if stencil != "nine_point" or boundary == "periodic":
+            raise ValueError(
+                f"{self.path}: two-way waves need the nine_point stencil and a boundary that absorbs or "
+                f"reflects, not {stencil} and {boundary}"
+            )
+        shape = grid.pop("shape", DEFAULT_SHAPE)
+        return Lake(None if boundary == "absorb" else shape, **grid)
 
     def rethrow(self, **changes: float) -> Scene:
         """This scene with other throw settings, SI and radians.
@@ -162,7 +187,7 @@ def load_scene(path: str | os.PathLike[str] = "lake", *, body: str | None = None
             model=model,
             body=chosen,
             water=plugged.get(chosen) or Water(**{k: v for k, v in settings.items() if k in WATER}),
-            lake={k: v for k, v in settings.items() if k in FIELD},
+            grid={k: v for k, v in settings.items() if k in FIELD},
             throws={name: Throw(**_one(settings, name)) for name in names},
             own={name: frozenset(k for k in THROW if f"{k}.{name}" in settings) for name in names},
             plugged=plugged,
@@ -273,4 +298,8 @@ def _value(key: str, value: Any, file: Path) -> Any:
         if any(v != np.floor(v) for v in value):
             raise SceneError(f"{file}: {PREFIX}shape is {value}: give two whole numbers of cells")
         return tuple(int(v) for v in value)
+    if key in SWITCHES:
+        if value[0] not in (0.0, 1.0):
+            raise SceneError(f"{file}: {PREFIX}{key} is {value[0]:g}: give 1 (on) or 0 (off)")
+        return bool(value[0])
     return tuple(value) if want == 2 else value[0]

@@ -2,56 +2,49 @@
 
 from __future__ import annotations
 
-import copy
 import math
 import os
 import time
 import warnings
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import asdict, replace
 from functools import cache
 from importlib.metadata import version
 from typing import Any, Literal, get_args
 
-import mujoco
 import numpy as np
 import numpy.typing as npt
 
 from mjskip.attitude import angles, matrices
 from mjskip.bodies import find_body
-from mjskip.coupling import attach, compile_callback
-from mjskip.errors import DivergedError, MjskipWarning, SceneError
-from mjskip.forces import pack_states
+from mjskip.coupling import compile_callback
+from mjskip.engines import Engine, MujocoEngine, ReferenceEngine
+from mjskip.errors import MjskipWarning
 from mjskip.recording import Limits, Log
-from mjskip.reference import METHODS, integrate
+from mjskip.reference import integrate
 from mjskip.scene import Scene, load_scene
 from mjskip.stone import Stone, check_positive
-from mjskip.throw import State, Throw
+from mjskip.throw import Throw
 from mjskip.trajectory import Trajectory
-from mjskip.water import Water
+from mjskip.twoway import MovingSurface
 
 Array = npt.NDArray[np.float64]
-Engine = Literal["mujoco", "reference"]
-ENGINES: tuple[Engine, ...] = get_args(Engine)
-INTEGRATORS: dict[str, int] = {
-    "Euler": mujoco.mjtIntegrator.mjINT_EULER,
-    "implicitfast": mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
-    "implicit": mujoco.mjtIntegrator.mjINT_IMPLICIT,
-    "RK4": mujoco.mjtIntegrator.mjINT_RK4,
-}
+EngineName = Literal["mujoco", "reference"]
+ENGINES: tuple[EngineName, ...] = get_args(EngineName)
+Surface = Literal["still", "waves"]
+SURFACES: tuple[Surface, ...] = get_args(Surface)
 
 STEP_FRACTION = 0.5
 """Largest time step, in times that the stone takes to fly through its own thickness."""
-
-FROZEN = 1e12
-"""Factor on the inertia of a stone that must not turn: its turn over a throw is below rounding."""
 
 MOST_STEPS = 1e7
 """Every step is kept: ten million fill some gigabytes."""
 
 CHUNK = 200
 """Steps between looks at whether the run is over."""
+
+WAVES_CHUNK = 50
+"""The same over waves, where a step costs more."""
 
 
 def simulate(
@@ -73,13 +66,15 @@ def simulate(
 def simulate_all(
     scene: Scene,
     *,
-    engine: Engine = "mujoco",
+    engine: EngineName = "mujoco",
     integrator: str | None = None,
     timestep: float | None = None,
     limits: Limits | None = None,
     frozen_attitude: bool = False,
+    surface: Surface = "still",
+    own_dent: bool = False,
 ) -> dict[str, Trajectory]:
-    """Throw every stone of a scene over still water.
+    """Throw every stone of a scene.
 
     Args:
         scene: what to throw, and how.
@@ -89,6 +84,9 @@ def simulate_all(
         timestep: [s]; the scene's if None.
         limits: what counts as a skip and when a stone's run is over; `Limits()` if omitted.
         frozen_attitude: stones are thrown without spin and cannot turn.
+        surface: "still": stones feel the undisturbed level; "waves": the moving surface, see
+            `mjskip.twoway`.
+        own_dent: over waves, whether a stone feels the response to its own current touch.
 
     Returns:
         The trajectory of every free body, by name, in the scene's order.
@@ -105,8 +103,15 @@ def simulate_all(
             f"duration {limits.duration:g} s at {timestep:g} s a step makes {limits.duration / timestep:.3g} "
             f"steps: at most {MOST_STEPS:g} are allowed; shorten the duration or lengthen the step"
         )
-    if engine not in ENGINES:
-        raise ValueError(f"engine is {engine!r}: use one of {', '.join(ENGINES)}")
+    for option, value, allowed in (("engine", engine, ENGINES), ("surface", surface, SURFACES)):
+        if value not in allowed:
+            raise ValueError(f"{option} is {value!r}: use one of {', '.join(allowed)}")
+    if surface == "waves" and integrator == "adaptive":
+        raise ValueError("integrator is 'adaptive': waves move on at a fixed step; use rk4")
+    if surface == "waves" and scene.plugged:
+        raise ValueError(
+            "surface is 'waves': the engine plugin knows still water only; take it out of the scene"
+        )
     if scene.plugged and scene.water != scene.plugged[scene.body]:
         raise ValueError(
             f"the water of {scene.body!r} comes from the plugin in {scene.path}: change its <config> there"
@@ -120,11 +125,31 @@ def simulate_all(
         _doubt_timestep(name, scene.stones[name], scene.throws[name], timestep)
     if frozen_attitude:
         scene = replace(scene, throws={n: replace(t, spin=0.0) for n, t in scene.throws.items()})
+    make = MujocoEngine if engine == "mujoco" else ReferenceEngine
+    machine: MujocoEngine | ReferenceEngine = make(
+        scene, integrator, timestep, frozen_attitude=frozen_attitude
+    )
+    gravity = float(-scene.model.opt.gravity[2])
+    logs = {
+        name: Log(name, stone, scene.water_of(name), limits, gravity=gravity)
+        for name, stone in scene.stones.items()
+    }
     warm_up()
     begun = time.perf_counter()
-    run = _by_mujoco if engine == "mujoco" else _by_reference
-    trajectories, used = run(scene, integrator, timestep, limits, frozen_attitude)
+    with machine:
+        if surface == "still":
+            _over_still_water(machine, logs, timestep)
+        else:
+            moving = MovingSurface(
+                scene.lake(),
+                machine.blocks,
+                density=scene.water.density,
+                gravity=gravity,
+                own_dent=own_dent,
+            )
+            _over_waves(machine, logs, timestep, moving)
     wall = time.perf_counter() - begun
+    trajectories = {name: log.trajectory({}) for name, log in logs.items()}
     thrown = {name: _thrown(scene, name, trajectories[name]) for name in scene.held}
     scene = replace(scene, throws={**scene.throws, **thrown})
     for name, trajectory in trajectories.items():
@@ -133,12 +158,14 @@ def simulate_all(
             scene=str(scene.path),
             body=name,
             engine=engine,
-            integrator=used,
+            integrator=machine.integrator,
             timestep=timestep,
-            gravity=float(-scene.model.opt.gravity[2]),
+            gravity=gravity,
+            surface=surface,
+            own_dent=own_dent,
             frozen_attitude=frozen_attitude,
             throw=asdict(scene.throws[name]),
-            water=asdict(_water_of(scene, name)),
+            water=asdict(scene.water_of(name)),
             limits=asdict(limits),
             wall_seconds=wall,
         )
@@ -171,101 +198,41 @@ def _doubt_timestep(name: str, stone: Stone, throw: Throw, timestep: float) -> N
         )
 
 
-def _releases(scene: Scene) -> dict[str, State]:
-    """How every stone leaves the hand, above the place where the scene has it; not those an arm holds."""
-    found = {}
-    for name, stone in scene.stones.items():
-        if name in scene.held:
-            continue
-        body = scene.model.body(find_body(scene.model, name))
-        found[name] = scene.throws[name].state(stone, x=float(body.pos[0]), y=float(body.pos[1]))
-    return found
+def _over_still_water(engine: Engine, logs: Mapping[str, Log], timestep: float) -> None:
+    """Run until every stone's run is over; forces are observed from the motion afterwards."""
+    motion, done = engine.start(), 0
+    while True:
+        count = len(next(iter(motion.values())))
+        times = timestep * np.arange(done, done + count, dtype=np.float64)
+        for name, log in logs.items():
+            log.extend(times, motion[name])
+        if all(log.end for log in logs.values()):
+            return
+        done += count
+        motion = engine.advance(CHUNK)
 
 
-def _by_reference(
-    scene: Scene, integrator: str | None, timestep: float, limits: Limits, frozen_attitude: bool
-) -> tuple[dict[str, Trajectory], str]:
-    method = integrator or "rk4"
-    if method not in METHODS:
-        raise ValueError(f"integrator is {method!r}: the reference engine has {', '.join(METHODS)}")
-    gravity = scene.model.opt.gravity
-    found = {
-        name: integrate(
-            scene.stones[name],
-            start,
-            water=scene.water,
-            method=method,
-            timestep=timestep,
-            limits=limits,
-            gravity=(float(gravity[0]), float(gravity[1]), float(gravity[2])),
-            frozen_attitude=frozen_attitude,
-            name=name,
-        )
-        for name, start in _releases(scene).items()
-    }
-    return found, method
-
-
-def _by_mujoco(
-    scene: Scene, integrator: str | None, timestep: float, limits: Limits, frozen_attitude: bool
-) -> tuple[dict[str, Trajectory], str]:
-    model = copy.copy(scene.model)
-    if integrator is not None:
-        if integrator not in INTEGRATORS:
-            raise ValueError(
-                f"integrator is {integrator!r}: the mujoco engine has {', '.join(INTEGRATORS)}"
-            )
-        model.opt.integrator = INTEGRATORS[integrator]
-    used = next((n for n, code in INTEGRATORS.items() if code == model.opt.integrator), "other")
-    model.opt.timestep = timestep
-    data = mujoco.MjData(model)
-    if frozen_attitude:
-        for name in scene.stones:
-            model.body_inertia[find_body(model, name)] *= FROZEN
-        mujoco.mj_setConst(model, data)
-        mujoco.mj_resetData(model, data)
-    free = {name: _FreeBody(model, name) for name in scene.stones}
-    for name, start in _releases(scene).items():
-        free[name].place(data, start)
-    logs = {
-        name: Log(name, stone, _water_of(scene, name), limits)
-        for name, stone in scene.stones.items()
-    }
-    done = 0
-    qpos, qvel = np.empty((CHUNK, model.nq)), np.empty((CHUNK, model.nv))
-    with _unlogged(), _water_on(scene, model, data) as check:
-        count = 1
-        qpos[0], qvel[0] = data.qpos, data.qvel
-        while True:
-            times: Array = timestep * np.arange(done, done + count, dtype=np.float64)
+def _over_waves(
+    engine: Engine, logs: Mapping[str, Log], timestep: float, surface: MovingSurface
+) -> None:
+    """The same with the surface moving: it is looked at before every step and pressed on after."""
+    motion, done = engine.start(), 0
+    rows: dict[str, list[tuple[Array, Array, float]]] = {name: [] for name in logs}
+    while True:
+        seen = surface.look(motion)
+        shares = surface.advance(timestep)
+        for name in logs:
+            rows[name].append((motion[name][0], seen[name][0], shares[name]))
+        if len(next(iter(rows.values()))) == WAVES_CHUNK:
+            times = timestep * np.arange(done, done + WAVES_CHUNK, dtype=np.float64)
             for name, log in logs.items():
-                log.extend(times, free[name].states(qpos[:count], qvel[:count]))
-            check()
-            _check_warnings(data)
+                states, observed, share = zip(*rows[name], strict=True)
+                log.extend(times, np.array(states), np.array(observed), np.array(share))
+                rows[name].clear()
             if all(log.end for log in logs.values()):
-                break
-            done, count = done + count, CHUNK
-            for row in range(CHUNK):
-                scene.arm.act(model, data)
-                mujoco.mj_step(model, data)
-                qpos[row], qvel[row] = data.qpos, data.qvel
-    return {name: log.trajectory({}) for name, log in logs.items()}, used
-
-
-def _water_of(scene: Scene, name: str) -> Water:
-    return scene.plugged.get(name, scene.water)
-
-
-@contextmanager
-def _water_on(
-    scene: Scene, model: mujoco.MjModel, data: mujoco.MjData
-) -> Iterator[Callable[[], None]]:
-    """Water on the stones, by `attach` unless the model brings its own; yields a check of its forces."""
-    if scene.plugged:
-        yield lambda: None  # the plugin's doubts are warnings in the data
-    else:
-        with attach(model, data, water=scene.water, bodies=list(scene.stones)) as coupling:
-            yield coupling.check
+                return
+            done += WAVES_CHUNK
+        motion = engine.advance(1)
 
 
 def _thrown(scene: Scene, name: str, trajectory: Trajectory) -> Throw:
@@ -289,58 +256,3 @@ def _thrown(scene: Scene, name: str, trajectory: Trajectory) -> Throw:
         wobble=float(np.linalg.norm(omega - spin * normal)),
         height=max(0.0, float(trajectory.clearance[k])),
     )
-
-
-class _FreeBody:
-    """A body with a free joint: between MuJoCo's coordinates and the motion of its centre of mass."""
-
-    def __init__(self, model: mujoco.MjModel, name: str) -> None:
-        body = find_body(model, name)
-        joint = model.body_jntadr[body]
-        if model.body_parentid[body] != 0:
-            raise SceneError(f"body {name!r} is not a child of the world: a stone must be")
-        self._q = slice(model.jnt_qposadr[joint], model.jnt_qposadr[joint] + 7)
-        self._v = slice(model.jnt_dofadr[joint], model.jnt_dofadr[joint] + 6)
-        self._centre = np.array(model.body_ipos[body])
-
-    def place(self, data: mujoco.MjData, start: State) -> None:
-        rotation = matrices(start.q)
-        arm = rotation @ self._centre
-        data.qpos[self._q] = [*(start.position - arm), *start.q]
-        data.qvel[self._v] = [
-            *(start.velocity - np.cross(start.omega, arm)),
-            *(rotation.T @ start.omega),
-        ]
-
-    def states(self, qpos: Array, qvel: Array) -> Array:
-        """(n, 18) for the force kernel. MuJoCo's free joint has omega in body axes."""
-        position, q = qpos[:, self._q][:, :3], qpos[:, self._q][:, 3:]
-        velocity, omega_body = qvel[:, self._v][:, :3], qvel[:, self._v][:, 3:]
-        if not (np.isfinite(q).all() and np.linalg.norm(q, axis=1).all()):
-            q = np.where(np.isfinite(q), q, 1.0)  # the log refuses the row by its other columns
-        rotation = matrices(q)
-        omega = np.einsum("nij,nj->ni", rotation, omega_body)
-        arm = rotation @ self._centre
-        return pack_states(position + arm, rotation, velocity + np.cross(omega, arm), omega)
-
-
-@contextmanager
-def _unlogged() -> Iterator[None]:
-    """Keep MuJoCo from printing, and writing to a log file here, what is raised as an error."""
-    before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(lambda _: None)
-    try:
-        yield
-    finally:
-        mujoco.set_mju_user_warning(before)
-
-
-def _check_warnings(data: mujoco.MjData) -> None:
-    """MuJoCo resets a simulation whose state is not finite, and only counts it."""
-    for kind in ("mjWARN_BADQPOS", "mjWARN_BADQVEL", "mjWARN_BADQACC"):
-        if data.warning[getattr(mujoco.mjtWarning, kind)].number:
-            raise DivergedError(
-                f"MuJoCo's state is not finite before t = {data.time:.6g} s ({kind}): use a smaller "
-                "time step",
-                time=float(data.time),
-            )

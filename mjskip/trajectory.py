@@ -100,6 +100,8 @@ class Trajectory:
         force: of the water on the stone (n, 3) [N].
         torque: of the water about the centre of mass (n, 3) [N m].
         air_force: of the air on the stone (n, 3) [N].
+        water_load: vertical force that the water was given back, downwards positive (n,) [N]: the
+            reaction, less what two-way water cannot take (see `mjskip.twoway`).
         wetted_area: immersed area of the stone's surface (n,) [m^2].
         wetted_centre: centroid of that immersed surface (n, 3) [m]; the centre of mass when dry.
         clearance: height of the lowest point above the surface (n,) [m]; negative when wet.
@@ -120,6 +122,7 @@ class Trajectory:
     force: Array
     torque: Array
     air_force: Array
+    water_load: Array
     wetted_area: Array
     wetted_centre: Array
     clearance: Array
@@ -218,6 +221,7 @@ _SERIES: tuple[tuple[str, tuple[str, ...], str, str], ...] = (
     ("force", ("axis",), "N", "force of the water on the stone"),
     ("torque", ("axis",), "N m", "torque of the water about the centre of mass"),
     ("air_force", ("axis",), "N", "force of the air on the stone"),
+    ("water_load", (), "N", "vertical force given back to the water, downwards"),
     ("wetted_area", (), "m2", "immersed area of the surface"),
     ("wetted_centre", ("axis",), "m", "centroid of the immersed surface"),
     ("clearance", (), "m", "height of the lowest point above the surface"),

@@ -98,7 +98,7 @@ class _Load:
     def __init__(self, trajectory: Trajectory) -> None:
         self._time = np.asarray(trajectory.time, dtype=np.float64)
         held = np.diff(self._time, append=self._time[-1])  # the last row holds for no time
-        force = trajectory.force[:, 2] * held
+        force = trajectory.water_load * held
         # where and how wide: means weighted by |force|, which cannot cancel
         weight = np.abs(force)
         columns = [
@@ -110,7 +110,7 @@ class _Load:
         ]
         self._sums = np.zeros((len(self._time), len(columns)))
         np.cumsum(np.column_stack(columns)[:-1], axis=0, out=self._sums[1:])
-        wet = (trajectory.force[:, 2] != 0.0).astype(np.int8)
+        wet = (trajectory.water_load != 0.0).astype(np.int8)
         self._changes = self._time[np.flatnonzero(np.diff(wet)) + 1]
         self._starts_wet = bool(wet[0])
 

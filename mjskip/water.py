@@ -20,24 +20,38 @@ class Water:
         gate: which immersed faces are loaded. "centre" is the paper's: those whose outward normal
             makes at most 90 degrees with the velocity of the centre of mass. "local": those that
             advance into the water themselves, so that water only ever takes energy.
+        buoyancy: whether the water bears: hydrostatic pressure on every immersed face. The force laws of
+            the literature leave it out.
+        skin_friction: whether the water rubs along every immersed face (ITTC 1957), so that what floats
+            comes to rest.
+        viscosity: kinematic, of the water [m^2/s]; only for skin friction.
         law: name of the force on an immersed face, a key of `mjskip.laws.LAWS`.
 
     Raises:
-        ValueError: a density is negative or not finite, or the gate or the law is unknown.
+        ValueError: a density or the viscosity is negative or not finite, or the gate or the law is
+            unknown.
     """
 
     density: float = 1000.0
     air_density: float = 1.2
     gate: Gate = "centre"
     law: str = "lee2010"
+    buoyancy: bool = False
+    skin_friction: bool = False
+    viscosity: float = 1.0e-6
 
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
             if field.type in (float, "float") and not (math.isfinite(value) and value >= 0.0):
+                unit = "m^2/s" if field.name == "viscosity" else "kg/m^3"
                 raise ValueError(
-                    f"{field.name} is {value!r}: give a finite number of at least 0 [kg/m^3]"
+                    f"{field.name} is {value!r}: give a finite number of at least 0 [{unit}]"
                 )
+        if self.skin_friction and self.viscosity == 0.0:
+            raise ValueError(
+                "viscosity is 0 and skin_friction is on: give a viscosity above 0 [m^2/s]"
+            )
         if self.gate not in GATES:
             raise ValueError(f"gate is {self.gate!r}: use one of {', '.join(GATES)}")
         if self.law not in LAWS:

@@ -56,7 +56,7 @@ def test_a_scene_without_settings_has_those_of_the_package(scene):
     found = load_scene(scene())
     assert found.water == Water()
     assert found.throw == Throw()
-    assert found.lake == {}
+    assert found.grid == {}
     assert found.body == "stone"
 
 
@@ -82,7 +82,7 @@ def test_settings_reach_water_throw_and_field(scene):
     field = found.field()
     assert isinstance(field, HeightField)
     assert field.elevation.shape == (60, 40)
-    assert found.lake["centre"] == (1.0, 2.0)
+    assert found.grid["centre"] == (1.0, 2.0)
 
 
 def test_a_body_may_have_a_throw_of_its_own(scene):

@@ -47,6 +47,8 @@ def throw_options(function: F) -> F:
             type=click.Choice(GATES),
             help="Which wet faces are loaded.  [default: the scene's]",
         ),
+        click.option("--buoyancy", is_flag=True, help="The water bears: hydrostatic pressure."),
+        click.option("--skin-friction", is_flag=True, help="The water rubs: ITTC 1957."),
     ]
     for decorator in reversed(decorators):
         function = decorator(function)
@@ -54,7 +56,13 @@ def throw_options(function: F) -> F:
 
 
 def chosen_scene(
-    scene: str, body: str | None, law: str | None, gate: str | None, **throw: float | None
+    scene: str,
+    body: str | None,
+    law: str | None,
+    gate: str | None,
+    buoyancy: bool,
+    skin_friction: bool,
+    **throw: float | None,
 ) -> Scene:
     """The scene with what was asked for at the command line."""
     loaded = load_scene(scene, body=body)
@@ -63,6 +71,8 @@ def chosen_scene(
     water: dict[str, Any] = {
         key: value for key, value in (("law", law), ("gate", gate)) if value is not None
     }
+    water |= {"buoyancy": True} if buoyancy else {}
+    water |= {"skin_friction": True} if skin_friction else {}
     return replace(loaded, water=replace(loaded.water, **water)) if water else loaded
 
 

@@ -29,7 +29,7 @@ from mjskip.cli.options import Size, chosen_scene, throw_options
 from mjskip.recording import Limits
 from mjskip.render import check_camera, gl_renderer, is_software, render_frames, render_video
 from mjskip.scene import Scene
-from mjskip.simulate import ENGINES, simulate_all
+from mjskip.simulate import ENGINES, SURFACES, simulate_all
 from mjskip.throw import Throw
 from mjskip.trajectory import Trajectory
 from mjskip.video import check_folder, check_size, check_video_path
@@ -48,6 +48,14 @@ err = Console(stderr=True, highlight=False)
 )
 @click.option("--timestep", type=float, metavar="S", help="Time step.  [default: the scene's]")
 @click.option("--duration", type=float, default=5.0, show_default=True, metavar="S")
+@click.option(
+    "--surface",
+    type=click.Choice(SURFACES),
+    default="still",
+    show_default=True,
+    help="What stones feel: the undisturbed level, or the moving surface (two-way).",
+)
+@click.option("--own-dent", is_flag=True, help="Over waves, stones feel their own dent too.")
 @click.option("--frozen-attitude", is_flag=True, help="No spin, and the stone cannot turn.")
 @click.option(
     "--video", type=click.Path(path_type=Path), metavar="FILE", help="Write an h264 video."
@@ -67,6 +75,8 @@ def run(
     integrator: str | None,
     timestep: float | None,
     duration: float,
+    surface: Any,
+    own_dent: bool,
     frozen_attitude: bool,
     video: Path | None,
     frames: Path | None,
@@ -96,6 +106,8 @@ def run(
             timestep=timestep,
             limits=limits,
             frozen_attitude=frozen_attitude,
+            surface=surface,
+            own_dent=own_dent,
         )
     chosen = trajectories[scene.body]
     if as_json:
@@ -134,6 +146,7 @@ def report(scene: Scene, trajectory: Trajectory) -> dict[str, Any]:
         "timestep": trajectory.attributes["timestep"],
         "law": scene.water.law,
         "gate": scene.water.gate,
+        "surface": trajectory.attributes["surface"],
         "skips": trajectory.skips,
         "end": trajectory.end,
         "contacts": [contact.summary() for contact in trajectory.contacts],

@@ -1,0 +1,237 @@
+"""The two engines behind one face: they hold the stones of a scene and move them on, step by step."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from types import TracebackType
+from typing import Protocol
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+from mjskip._rigid_kernels import STATE, free_motion
+from mjskip.attitude import matrices
+from mjskip.bodies import find_body
+from mjskip.coupling import Coupling, attach
+from mjskip.errors import DivergedError, SceneError
+from mjskip.reference import METHODS, Integrator
+from mjskip.scene import Scene
+from mjskip.throw import State
+
+Array = npt.NDArray[np.float64]
+Motion = dict[str, Array]
+"""States (n, 18) for the force kernel, by body."""
+
+INTEGRATORS: dict[str, int] = {
+    "Euler": mujoco.mjtIntegrator.mjINT_EULER,
+    "implicitfast": mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
+    "implicit": mujoco.mjtIntegrator.mjINT_IMPLICIT,
+    "RK4": mujoco.mjtIntegrator.mjINT_RK4,
+}
+
+FROZEN = 1e12
+"""Factor on the inertia of a stone that must not turn: its turn over a throw is below rounding."""
+
+
+class Engine(Protocol):
+    """Stones in motion.
+
+    Attributes:
+        integrator: its name.
+        blocks: what the force kernel knows of each body, by name; a patch of surface may be put there.
+    """
+
+    integrator: str
+    blocks: Mapping[str, Array]
+
+    def start(self) -> Motion:
+        """States (1, 18) as the stones leave the hand."""
+
+    def advance(self, steps: int) -> Motion:
+        """Move on by some steps: states (steps, 18) after each.
+
+        Raises:
+            DivergedError: a force or a state is not finite.
+        """
+
+
+def releases(scene: Scene) -> dict[str, State]:
+    """How every stone leaves the hand, above the place where the scene has it; not those an arm holds."""
+    found = {}
+    for name, stone in scene.stones.items():
+        if name in scene.held:
+            continue
+        body = scene.model.body(find_body(scene.model, name))
+        found[name] = scene.throws[name].state(stone, x=float(body.pos[0]), y=float(body.pos[1]))
+    return found
+
+
+class ReferenceEngine:
+    """The pure integrator, a stone at a time: it knows no contacts."""
+
+    def __init__(
+        self, scene: Scene, integrator: str | None, timestep: float, *, frozen_attitude: bool
+    ) -> None:
+        """Take the stones of a scene.
+
+        Raises:
+            ValueError: there is no such integrator.
+        """
+        self.integrator = integrator or "rk4"
+        if self.integrator not in METHODS:
+            raise ValueError(
+                f"integrator is {integrator!r}: the reference engine has {', '.join(METHODS)}"
+            )
+        gravity = scene.model.opt.gravity
+        self._stones = {
+            name: Integrator(
+                scene.stones[name],
+                start,
+                water=scene.water,
+                method=self.integrator,
+                timestep=timestep,
+                gravity=(float(gravity[0]), float(gravity[1]), float(gravity[2])),
+                frozen_attitude=frozen_attitude,
+            )
+            for name, start in releases(scene).items()
+        }
+        self.blocks: Mapping[str, Array] = {n: stone.block for n, stone in self._stones.items()}
+
+    def __enter__(self) -> ReferenceEngine:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        return None
+
+    def start(self) -> Motion:
+        """States (1, 18) as the stones leave the hand."""
+        return {name: stone.start() for name, stone in self._stones.items()}
+
+    def advance(self, steps: int) -> Motion:
+        """Move on by some steps: states (steps, 18) after each."""
+        return {name: stone.advance(steps) for name, stone in self._stones.items()}
+
+
+class MujocoEngine:
+    """MuJoCo, with water on the scene's stones while the context is open: attached, or its plugin's own."""
+
+    def __init__(
+        self, scene: Scene, integrator: str | None, timestep: float, *, frozen_attitude: bool
+    ) -> None:
+        """Make a model and data of this engine's own.
+
+        Raises:
+            ValueError: there is no such integrator.
+        """
+        model = copy.copy(scene.model)
+        if integrator is not None:
+            if integrator not in INTEGRATORS:
+                raise ValueError(
+                    f"integrator is {integrator!r}: the mujoco engine has {', '.join(INTEGRATORS)}"
+                )
+            model.opt.integrator = INTEGRATORS[integrator]
+        self.integrator = next(n for n, code in INTEGRATORS.items() if code == model.opt.integrator)
+        model.opt.timestep = timestep
+        self.model, self.data = model, mujoco.MjData(model)
+        if frozen_attitude:
+            for name in scene.stones:
+                model.body_inertia[find_body(model, name)] *= FROZEN
+            mujoco.mj_setConst(model, self.data)
+            mujoco.mj_resetData(model, self.data)
+        self._free = {name: _FreeBody(model, name) for name in scene.stones}
+        for name, start in releases(scene).items():
+            self._free[name].place(self.data, start)
+        self._arm = scene.arm
+        self._water = None if scene.plugged else scene.water
+        self._open = ExitStack()
+        self._coupling: Coupling | None = None
+        self.blocks: Mapping[str, Array] = {}
+
+    def __enter__(self) -> MujocoEngine:
+        self._open.enter_context(_unlogged())
+        if self._water is not None:
+            names = list(self._free)
+            water = attach(self.model, self.data, water=self._water, bodies=names)
+            self._coupling = self._open.enter_context(water)
+            self.blocks = dict(zip(names, self._coupling.blocks, strict=True))
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._open.__exit__(kind, error, trace)
+
+    def start(self) -> Motion:
+        """States (1, 18) as the stones leave the hand."""
+        return self._states(self.data.qpos[None].copy(), self.data.qvel[None].copy())
+
+    def advance(self, steps: int) -> Motion:
+        """Move on by some steps: states (steps, 18) after each."""
+        qpos, qvel = np.empty((steps, self.model.nq)), np.empty((steps, self.model.nv))
+        for row in range(steps):
+            self._arm.act(self.model, self.data)
+            mujoco.mj_step(self.model, self.data)
+            qpos[row], qvel[row] = self.data.qpos, self.data.qvel
+        if self._coupling is not None:
+            self._coupling.check()  # the plugin's doubts are warnings in the data
+        _check_warnings(self.data)
+        return self._states(qpos, qvel)
+
+    def _states(self, qpos: Array, qvel: Array) -> Motion:
+        return {name: body.states(qpos, qvel) for name, body in self._free.items()}
+
+
+class _FreeBody:
+    """A body with a free joint: between MuJoCo's coordinates and the motion of its centre of mass."""
+
+    def __init__(self, model: mujoco.MjModel, name: str) -> None:
+        body = find_body(model, name)
+        joint = model.body_jntadr[body]
+        if model.body_parentid[body] != 0:
+            raise SceneError(f"body {name!r} is not a child of the world: a stone must be")
+        self._q = slice(model.jnt_qposadr[joint], model.jnt_qposadr[joint] + 7)
+        self._v = slice(model.jnt_dofadr[joint], model.jnt_dofadr[joint] + 6)
+        self._centre = np.array(model.body_ipos[body])
+
+    def place(self, data: mujoco.MjData, start: State) -> None:
+        rotation = matrices(start.q)
+        arm = rotation @ self._centre
+        data.qpos[self._q] = [*(start.position - arm), *start.q]
+        data.qvel[self._v] = [
+            *(start.velocity - np.cross(start.omega, arm)),
+            *(rotation.T @ start.omega),
+        ]
+
+    def states(self, qpos: Array, qvel: Array) -> Array:
+        """(n, 18) for the force kernel."""
+        states = np.empty((len(qpos), STATE))
+        free_motion(qpos[:, self._q], qvel[:, self._v], self._centre, states)
+        return states
+
+
+@contextmanager
+def _unlogged() -> Iterator[None]:
+    """Keep MuJoCo from printing, and writing to a log file here, what is raised as an error."""
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda _: None)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
+
+
+def _check_warnings(data: mujoco.MjData) -> None:
+    """MuJoCo resets a simulation whose state is not finite, and only counts it."""
+    for kind in ("mjWARN_BADQPOS", "mjWARN_BADQVEL", "mjWARN_BADQACC"):
+        if data.warning[getattr(mujoco.mjtWarning, kind)].number:
+            raise DivergedError(
+                f"MuJoCo's state is not finite before t = {data.time:.6g} s ({kind}): use a smaller "
+                "time step",
+                time=float(data.time),
+            )
