@@ -52,6 +52,7 @@ def flight(*, rows=400, timestep=1e-3, seed=0):
         force=force,
         torque=still,
         air_force=still,
+        water_load=force[:, 2],
         wetted_area=np.where(force[:, 2] != 0.0, 3e-3, 0.0),
         wetted_centre=x,
         clearance=x[:, 2],
