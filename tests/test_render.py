@@ -27,7 +27,7 @@ SMALL = (160, 120)
 def small(name="lake"):
     """A shipped scene with a field small enough for tests."""
     lake = {"shape": (120, 80), "spacing": 0.02, "boundary": "absorb", "centre": (-3.5, 0.0)}
-    return replace(load_scene(name), lake=lake)
+    return replace(load_scene(name), grid=lake)
 
 
 def flight(*, rows=400, timestep=1e-3, seed=0):
