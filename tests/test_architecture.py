@@ -44,6 +44,7 @@ READERS = {
     "arm",
     "bodies",
     "coupling",
+    "engines",
     "plugin",
     "scene",
     "skin",

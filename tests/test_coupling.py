@@ -34,7 +34,8 @@ GEOMS = {
     "capsule": '<geom name="capsule" type="capsule" size=".02 .03" density="2000"/>',
 }
 OFF_CENTRE = """<geom name="plate" type="box" size=".06 .04 .005" density="2000"/>
-    <geom name="knob" type="sphere" size=".015" pos=".04 .01 .015" euler="10 20 30" density="4000"/>"""
+    <geom name="knob" type="box" size=".02 .01 .008" pos=".04 .01 .015" euler="10 20 30"
+      density="4000"/>"""
 
 
 def numbers(values):
@@ -249,8 +250,12 @@ def test_a_body_is_placed_by_its_centre_of_mass_and_axes():
     np.testing.assert_allclose(
         axes.T @ stone.inertia @ axes, np.diag(model.body_inertia[body]), atol=1e-15
     )
-    corner = np.array([0.06, 0.04, 0.005]) - model.body_ipos[body]
-    assert np.linalg.norm(stone.vertices - corner, axis=1).min() < 1e-12
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    for name in ("plate", "knob"):
+        geom = data.geom(name)
+        corner = geom.xpos + geom.xmat.reshape(3, 3) @ model.geom(name).size - data.xipos[body]
+        assert np.linalg.norm(stone.vertices - corner, axis=1).min() < 1e-12
 
 
 # --- strangers, and what was here before -----------------------------------------------------------

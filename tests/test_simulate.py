@@ -88,6 +88,25 @@ def test_the_scene_itself_is_not_altered(lake):
     np.testing.assert_array_equal(lake.model.body_inertia, before[2])
 
 
+def test_a_stone_is_thrown_by_its_centre_of_mass_wherever_its_frame_is(tmp_path):
+    path = tmp_path / "hammer.xml"
+    path.write_text(
+        '<mujoco><option timestep="1e-4" integrator="RK4"/><worldbody><body name="hammer">'
+        '<freejoint/><geom type="box" size=".05 .03 .01" pos=".1 .02 -.03"/>'
+        '<geom type="sphere" size=".02" pos=".13 .02 -.02" density="4000"/></body></worldbody></mujoco>'
+    )
+    throw = Throw.from_degrees(speed=6, spin=5, wobble=2, attack=20, descent=10, height=0.01)
+    limits = Limits(duration=0.05)
+    one, two = (simulate(path, throw, engine=e, limits=limits) for e in ("mujoco", "reference"))
+    for run in (one, two):
+        assert run.clearance[0] == pytest.approx(0.01, abs=1e-12)
+        np.testing.assert_allclose(np.linalg.norm(run.velocity[0]), 6.0)
+        np.testing.assert_allclose(run.x[0, :2], 0.0, atol=1e-12)
+    assert one.contacts
+    np.testing.assert_allclose(one.x, two.x, atol=1e-6)  # RK4 both, through a touch
+    assert difference(one.q, two.q).max() < 1e-4
+
+
 def test_a_throw_replaces_the_one_of_the_scene(lake):
     throw = Throw.from_degrees(speed=5, spin=3, attack=10, descent=2, height=0.5)
     run = simulate(lake, throw, limits=Limits(duration=0.01))
