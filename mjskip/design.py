@@ -1,0 +1,198 @@
+"""What a sweep varies: ranges, lists and samples of parameters, and the scatter of a throwing hand."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.stats import qmc
+
+Array = npt.NDArray[np.float64]
+
+THROW = {
+    "speed": "m s-1",
+    "spin": "rad s-1",
+    "attack": "rad",
+    "descent": "rad",
+    "bank": "rad",
+    "wobble": "rad s-1",
+    "height": "m",
+}
+STONE = {"radius": "m", "thickness": "m", "mass": "kg", "stone_density": "kg m-3"}
+WATER = {"water_density": "kg m-3", "air_density": "kg m-3"}
+NAMED = ("gate", "law")
+PARAMETERS: dict[str, str] = {**THROW, **STONE, **WATER, **dict.fromkeys(NAMED, "")}
+"""Everything that can be varied, with its SI unit; the named ones take words."""
+
+SAMPLE, MEMBER = "sample", "member"
+
+
+def span(low: float, high: float, count: int) -> Array:
+    """`count` evenly spaced values from low to high, both included."""
+    if count < 1 or not (math.isfinite(low) and math.isfinite(high)):
+        raise ValueError(
+            f"a range from {low!r} to {high!r} in {count!r} values: give finite ends and at least 1"
+        )
+    return np.linspace(low, high, count)
+
+
+def latin_hypercube(
+    ranges: Mapping[str, tuple[float, float]], *, count: int, seed: int
+) -> dict[str, Array]:
+    """`count` points that fill a box evenly in every coordinate.
+
+    Args:
+        ranges: (low, high) by parameter.
+        count: of points.
+        seed: of the random numbers.
+
+    Returns:
+        An array (count,) by parameter, for `samples` of a sweep.
+    """
+    _check_spread(ranges, count)
+    for name, (low, high) in ranges.items():
+        if not low < high:
+            raise ValueError(f"{name} from {low!r} to {high!r}: give the lower end first")
+    points = qmc.LatinHypercube(len(ranges), rng=np.random.default_rng(seed)).random(count)
+    return {
+        name: low + (high - low) * points[:, k]
+        for k, (name, (low, high)) in enumerate(ranges.items())
+    }
+
+
+def normal(
+    spreads: Mapping[str, tuple[float, float]], *, count: int, seed: int
+) -> dict[str, Array]:
+    """`count` normally distributed points, stratified in every coordinate.
+
+    Args:
+        spreads: (mean, standard deviation) by parameter; mean 0 for `scatter` of a sweep.
+        count: of points.
+        seed: of the random numbers.
+    """
+    _check_spread(spreads, count)
+    for name, (_, deviation) in spreads.items():
+        if deviation < 0.0:
+            raise ValueError(f"the standard deviation of {name} is {deviation!r}: give at least 0")
+    size = len(spreads)
+    cube = qmc.LatinHypercube(size, rng=np.random.default_rng(seed))
+    bell = qmc.MultivariateNormalQMC(np.zeros(size), np.eye(size), engine=cube, inv_transform=True)
+    points = bell.random(count)
+    return {
+        name: mean + deviation * points[:, k]
+        for k, (name, (mean, deviation)) in enumerate(spreads.items())
+    }
+
+
+@dataclass(frozen=True, kw_only=True)
+class Design:
+    """The throws of a sweep as a grid: a dimension for every axis, one for samples, one for members.
+
+    Attributes:
+        axes: values by parameter; each parameter is a dimension, in this order.
+        samples: values by parameter, all of one length, along the dimension "sample".
+        scatter: additions by parameter, all of one length, along the dimension "member", the same at
+            every point: an ensemble of throws around each.
+
+    Raises:
+        ValueError: a parameter is unknown, has no values, or is given twice.
+    """
+
+    axes: Mapping[str, Sequence[Any] | Array] = field(default_factory=dict)
+    samples: Mapping[str, Array] = field(default_factory=dict)
+    scatter: Mapping[str, Array] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for part in ("axes", "samples", "scatter"):
+            given = {name: _values(part, name, v) for name, v in getattr(self, part).items()}
+            object.__setattr__(self, part, given)
+        twice = sorted(set(self.axes) & set(self.samples))
+        if twice:
+            raise ValueError(f"{', '.join(twice)} is both an axis and a sample: give it once")
+        if {"mass", "stone_density"} <= {*self.axes, *self.samples}:
+            raise ValueError("both mass and stone_density are varied: vary one of them")
+        for part in ("samples", "scatter"):
+            lengths = {name: len(v) for name, v in getattr(self, part).items()}
+            if len(set(lengths.values())) > 1:
+                raise ValueError(f"{part} have different lengths ({lengths}): give them one length")
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Length of every dimension, in order."""
+        sizes = {name: len(values) for name, values in self.axes.items()}
+        if self.samples:
+            sizes[SAMPLE] = len(next(iter(self.samples.values())))
+        if self.scatter:
+            sizes[MEMBER] = len(next(iter(self.scatter.values())))
+        return sizes or {SAMPLE: 1}
+
+    @property
+    def varied(self) -> list[str]:
+        """Names of the parameters that differ between throws."""
+        return list(dict.fromkeys([*self.axes, *self.samples, *self.scatter]))
+
+    def point(self, index: Mapping[str, int], base: Mapping[str, Any]) -> dict[str, Any]:
+        """The varied parameters of one throw, by name; scatter is added to `base` if nothing else is."""
+        found = {name: values[index[name]] for name, values in self.axes.items()}
+        found |= {name: values[index[SAMPLE]] for name, values in self.samples.items()}
+        for name, values in self.scatter.items():
+            found[name] = found.get(name, base[name]) + values[index[MEMBER]]
+        return {k: str(v) if k in NAMED else float(v) for k, v in found.items()}
+
+    def coordinates(self) -> dict[str, tuple[str, Any, dict[str, str]]]:
+        """For an xarray Dataset: (dimension, values, attributes) by name."""
+        found: dict[str, tuple[str, Any, dict[str, str]]] = {}
+        for name, values in self.axes.items():
+            found[name] = (name, values, _attributes(name))
+        for name, values in self.samples.items():
+            found[name] = (SAMPLE, values, _attributes(name))
+        for name, values in self.scatter.items():
+            text = {"long_name": f"added to {name} for this member of the ensemble"}
+            found[f"{name}_scatter"] = (MEMBER, values, _attributes(name) | text)
+        return found
+
+    def summary(self) -> dict[str, Any]:
+        """What identifies the design, for provenance: short, yet different for different values."""
+        return {
+            part: {name: _digest(values) for name, values in getattr(self, part).items()}
+            for part in ("axes", "samples", "scatter")
+        } | {"dimensions": self.sizes}
+
+
+def _check_spread(given: Mapping[str, tuple[float, float]], count: int) -> None:
+    if not given or count < 1:
+        raise ValueError(f"{count!r} points of {len(given)} parameters: give at least 1 of each")
+
+
+def _values(part: str, name: str, values: Any) -> Any:
+    if name not in PARAMETERS:
+        raise ValueError(f"no parameter {name!r}: choose from {', '.join(PARAMETERS)}")
+    words = name in NAMED
+    if words and part != "axes":
+        raise ValueError(f"{name} takes words: it can be an axis, not one of {part}")
+    if isinstance(values, str):
+        values = [values]
+    found = np.array([str(v) for v in values]) if words else np.asarray(values, dtype=np.float64)
+    if found.ndim != 1 or len(found) == 0:
+        raise ValueError(f"{name} has values of shape {found.shape}: give at least one, in a row")
+    if not words and not np.isfinite(found).all():
+        raise ValueError(f"{name} has values that are not finite")
+    if part == "axes" and len(np.unique(found)) != len(found):
+        raise ValueError(f"{name} has a value twice: give each once")
+    return found
+
+
+def _attributes(name: str) -> dict[str, str]:
+    return {"units": PARAMETERS[name]} if PARAMETERS[name] else {}
+
+
+def _digest(values: Any) -> str:
+    if values.dtype.kind == "U":
+        return ", ".join(values)
+    mark = hashlib.sha256(values.astype("<f8").tobytes()).hexdigest()[:16]
+    return f"{len(values)} from {values.min():.6g} to {values.max():.6g} (sha256 {mark})"

@@ -1,0 +1,228 @@
+"""Sweeps: a grid of throws, written chunk by chunk, that goes on where it stopped."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
+from importlib.metadata import version
+from itertools import product
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from mjskip.batch import AIR_TOLERANCE, METHODS, Air
+from mjskip.design import Design
+from mjskip.engines import INTEGRATORS
+from mjskip.errors import MjskipWarning
+from mjskip.recording import Limits
+from mjskip.scene import Scene, load_scene
+from mjskip.simulate import ENGINES, EngineName, largest_timestep
+from mjskip.stone import Stone, check_positive
+from mjskip.sweep_job import Job, run_chunk
+from mjskip.sweep_store import Kept, Store, open_store
+from mjskip.throw import Throw
+from mjskip.water import Water
+
+CHUNK = 256
+"""Throws that are done, written and forgotten together, unless another number is given."""
+
+
+def sweep(
+    scene: Scene | Stone | str | os.PathLike[str] = "lake",
+    vary: Mapping[str, Sequence[Any] | npt.NDArray[np.float64]] | None = None,
+    *,
+    samples: Mapping[str, npt.NDArray[np.float64]] | None = None,
+    scatter: Mapping[str, npt.NDArray[np.float64]] | None = None,
+    throw: Throw | None = None,
+    water: Water | None = None,
+    engine: EngineName = "reference",
+    integrator: str | None = None,
+    timestep: float | None = None,
+    limits: Limits | None = None,
+    air: Air = "adaptive",
+    path: str | os.PathLike[str] | None = None,
+    chunk: int = CHUNK,
+    threads: int | None = None,
+    scheduler: str | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> xr.Dataset:
+    """Throw over a grid of parameters and say what every throw did.
+
+    Parameters are those of `Throw` (speed, spin, attack, descent, bank, wobble, height), of the stone (radius,
+    thickness, mass, stone_density: the mesh is stretched) and of the water (water_density, air_density,
+    gate, law). A throw that is refused or diverges is a row with a status and a reason.
+
+    Args:
+        scene: a scene, its path or name, or a stone.
+        vary: values by parameter; each parameter becomes a dimension.
+        samples: values by parameter, all along one dimension "sample": `latin_hypercube` or `normal` of
+            `mjskip.design`.
+        scatter: additions by parameter along a dimension "member": an ensemble around every point, such
+            as `normal({"attack": (0, 0.02)}, count=32, seed=0)`.
+        throw: what is not varied; the scene's if None.
+        water: the fluid; the scene's if None.
+        engine: "reference", the pure integrator, over threads; or "mujoco".
+        integrator: of the engine; rk4, or the scene's.
+        timestep: [s]; the scene's if None, or 5e-4.
+        limits: what counts as a skip and when a throw is over.
+        air: of the reference engine, "adaptive" or "fixed" (see `mjskip.batch`).
+        path: Zarr store; in memory only if None. A store that is there is gone on with.
+        chunk: throws that are done and written together.
+        threads: of the reference engine on this machine; as many as there are processors if None.
+        scheduler: address of a Dask scheduler, tcp://host:port, whose workers do the throws.
+        progress: called with the throws done and to do.
+
+    Returns:
+        The Dataset: `skips`, `distance` and so on over the named dimensions, with units, `status` and
+        `reason`; its attribute `request` is the provenance as JSON.
+
+    Raises:
+        ValueError: an argument is not allowed.
+        MjskipError: the store was made by another request, or the scheduler is lost.
+    """
+    design = Design(axes=vary or {}, samples=samples or {}, scatter=scatter or {})
+    job = _job(scene, design, throw, water, engine, integrator, timestep, limits, air)
+    if chunk < 1:
+        raise ValueError(f"chunk is {chunk!r}: give at least 1 throw")
+    _doubt(job)
+    shape = chunk_shape(tuple(design.sizes.values()), chunk)
+    place: Store = open_store(path, design, shape, request(job)) if path else Kept(design)
+    todo, done = [], 0
+    total = int(np.prod(list(design.sizes.values())))
+    for index in _chunks(design, shape):
+        if place.finished(index):
+            done += _size(index)
+        else:
+            todo.append(index)
+    if progress:
+        progress(done, total)
+
+    def take(index: tuple[slice, ...], found: dict[str, Any]) -> None:
+        nonlocal done
+        place.write(index, found)
+        done += _size(index)
+        if progress:
+            progress(done, total)
+
+    if scheduler is None:
+        for index in todo:
+            take(index, run_chunk(job, index, threads=threads))
+    elif todo:
+        from mjskip.cluster import run_on_cluster
+
+        run_on_cluster(scheduler, job, todo, take)
+    return place.dataset(request(job))
+
+
+def chunk_shape(sizes: tuple[int, ...], most: int) -> tuple[int, ...]:
+    """Shape of blocks of at most `most` throws: whole in the last dimensions, parts of the first."""
+    shape = []
+    for size in reversed(sizes):
+        part = min(size, max(most, 1))
+        shape.append(part)
+        most //= part
+    return tuple(reversed(shape))
+
+
+def _chunks(design: Design, shape: tuple[int, ...]) -> list[tuple[slice, ...]]:
+    parts = [
+        [slice(first, min(first + step, size)) for first in range(0, size, step)]
+        for size, step in zip(design.sizes.values(), shape, strict=True)
+    ]
+    return list(product(*parts))
+
+
+def _size(index: tuple[slice, ...]) -> int:
+    return int(np.prod([part.stop - part.start for part in index]))
+
+
+def _job(
+    scene: Scene | Stone | str | os.PathLike[str],
+    design: Design,
+    throw: Throw | None,
+    water: Water | None,
+    engine: EngineName,
+    integrator: str | None,
+    timestep: float | None,
+    limits: Limits | None,
+    air: Air,
+) -> Job:
+    if engine not in ENGINES:
+        raise ValueError(f"engine is {engine!r}: use one of {', '.join(ENGINES)}")
+    known = METHODS if engine == "reference" else tuple(INTEGRATORS)
+    if integrator is not None and integrator not in known:
+        raise ValueError(
+            f"integrator is {integrator!r}: sweeps by {engine} have {', '.join(known)}"
+        )
+    loaded = None if isinstance(scene, Stone) else scene
+    if loaded is not None and not isinstance(loaded, Scene):
+        loaded = load_scene(loaded)
+    default = 5e-4 if loaded is None else float(loaded.model.opt.timestep)
+    timestep = default if timestep is None else timestep
+    check_positive(timestep=timestep)
+    gravity = (0.0, 0.0, -9.81)
+    if loaded is not None:
+        gx, gy, gz = map(float, loaded.model.opt.gravity)
+        gravity = (gx, gy, gz)
+    return Job(
+        stone=scene if isinstance(scene, Stone) else loaded.stone if loaded else Stone.pebble(),
+        scene=loaded if engine == "mujoco" else None,
+        throw=throw or (loaded.throw if loaded else Throw()),
+        water=water or (loaded.water if loaded else Water()),
+        design=design,
+        engine=engine,
+        integrator=integrator or ("rk4" if engine == "reference" else None),
+        timestep=timestep,
+        limits=limits or Limits(),
+        gravity=gravity,
+        air=air,
+    )
+
+
+def request(job: Job) -> dict[str, Any]:
+    """All that the results depend on, as JSON would have it: two equal ones give equal bytes."""
+    stone = job.stone
+    mark = hashlib.sha256()
+    for array in (stone.vertices, stone.faces, stone.inertia):
+        mark.update(np.ascontiguousarray(array).tobytes())
+    return {
+        "version": version("mjskip"),
+        "scene": None if job.scene is None else job.scene.path.name,
+        "stone": {
+            "mass": stone.mass,
+            "triangles": len(stone.faces),
+            "radius": stone.radius,
+            "thickness": stone.thickness,
+            "sha256": mark.hexdigest()[:16],
+        },
+        "throw": asdict(job.throw),
+        "water": asdict(job.water),
+        "engine": job.engine,
+        "integrator": job.integrator,
+        "timestep": job.timestep,
+        "gravity": list(job.gravity),
+        "limits": asdict(job.limits),
+        "air": job.air if job.engine == "reference" else None,
+        "air_tolerance": AIR_TOLERANCE if job.engine == "reference" else None,
+        "design": job.design.summary(),
+    }
+
+
+def _doubt(job: Job) -> None:
+    """Warn once for the fastest throw of the thinnest stone."""
+    axes = {**job.design.axes, **job.design.samples}
+    speed = float(np.max(axes.get("speed", job.throw.speed)))
+    thin = float(np.min(axes.get("thickness", job.stone.thickness)))
+    limit = largest_timestep(job.stone, speed) * thin / job.stone.thickness
+    if job.timestep > limit * (1.0 + 1e-9):
+        warnings.warn(
+            f"time step {job.timestep:g} s is too large at {speed:g} m/s: skips may be numerical; use at "
+            f"most {limit:.2g} s",
+            MjskipWarning,
+            stacklevel=3,
+        )

@@ -1,0 +1,194 @@
+"""Where the results of a sweep go: to memory, or to a Zarr store that survives its process.
+
+A chunk of throws is one Zarr chunk of every result. Files appear whole or not at all (Zarr renames them), and
+`status` comes last: a chunk whose status is there is finished.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import xarray as xr
+
+from mjskip.design import Design
+from mjskip.errors import MjskipError
+from mjskip.sweep_job import RESULTS, WORDS
+
+Index = tuple[slice, ...]
+TITLE = "stone skipping sweep, SI units, angles in radians"
+
+
+class Store(Protocol):
+    """What a sweep writes to."""
+
+    def finished(self, index: Index) -> bool:
+        """Whether this chunk is there."""
+
+    def write(self, index: Index, found: dict[str, Any]) -> None:
+        """Keep a chunk."""
+
+    def dataset(self, request: dict[str, Any]) -> xr.Dataset:
+        """All of it."""
+
+
+class Kept:
+    """Results in memory."""
+
+    def __init__(self, design: Design) -> None:
+        self._design = design
+        shape = tuple(design.sizes.values())
+        self._arrays: dict[str, Any] = {name: np.full(shape, np.nan) for name in RESULTS}
+        self._arrays |= {name: np.full(shape, "", dtype=object) for name in WORDS}
+
+    def finished(self, index: Index) -> bool:
+        """Whether this chunk is there."""
+        return bool((self._arrays["status"][index] != "").all())
+
+    def write(self, index: Index, found: dict[str, Any]) -> None:
+        """Keep a chunk."""
+        for name, values in found.items():
+            self._arrays[name][index] = values
+
+    def dataset(self, request: dict[str, Any]) -> xr.Dataset:
+        """All of it, as `open_sweep` would read it."""
+        dims = list(self._design.sizes)
+        return xr.Dataset(
+            {
+                name: (dims, np.asarray(values, dtype=str if name in WORDS else None), about(name))
+                for name, values in self._arrays.items()
+            },
+            coords=self._design.coordinates(),
+            attrs={"title": TITLE, "request": json.dumps(request)},
+        )
+
+
+class Written:
+    """Results in a Zarr group."""
+
+    def __init__(self, path: Path, group: Any) -> None:
+        self._path, self._group = path, group
+        self._status = group["status"][...]
+
+    def finished(self, index: Index) -> bool:
+        """Whether this chunk was there when the store was opened."""
+        return bool((np.asarray(self._status[index], dtype=object) != "").all())
+
+    def write(self, index: Index, found: dict[str, Any]) -> None:
+        """Keep a chunk; its status last."""
+        for name in (*RESULTS, *WORDS):
+            self._group[name][index] = found[name]
+
+    def dataset(self, request: dict[str, Any]) -> xr.Dataset:
+        """All of it."""
+        return open_sweep(self._path)
+
+
+def open_store(
+    path: str | os.PathLike[str], design: Design, chunks: tuple[int, ...], request: dict[str, Any]
+) -> Written:
+    """Make a store for a design, or open the one that is there.
+
+    Raises:
+        MjskipError: there is something else, a store of another request, or no `zarr`.
+    """
+    zarr = _zarr()
+    path = Path(path)
+    if not path.exists():
+        if not path.parent.is_dir():
+            raise MjskipError(f"folder {path.parent} does not exist: create it, or name another")
+        part = path.with_name(f".{path.name}.{os.getpid()}.part")
+        _make(zarr.create_group(part), design, chunks, request)
+        os.replace(part, path)
+    group = _group(zarr, path)
+    made = json.loads(group.attrs["request"])
+    differ = list(_differences(made, json.loads(json.dumps(request))))
+    if group["status"].chunks != chunks:
+        differ.append(f"chunk was {group['status'].chunks}, now {chunks}")
+    if differ:
+        raise MjskipError(
+            f"{path} holds another sweep ({'; '.join(differ)}): ask for the same, or name another file"
+        )
+    return Written(path, group)
+
+
+def open_sweep(path: str | os.PathLike[str]) -> xr.Dataset:
+    """Read a sweep; throws that are not done yet have status "".
+
+    Raises:
+        MjskipError: there is no sweep, or no `zarr`.
+    """
+    path = Path(path)
+    _group(_zarr(), path)
+    with xr.open_zarr(path, consolidated=False, decode_times=False) as opened:
+        data: xr.Dataset = opened.load()
+    for name, variable in data.variables.items():
+        if variable.dtype.kind == "T":
+            words = np.array(variable.values.tolist(), dtype=str)
+            data[name] = xr.Variable(variable.dims, words, variable.attrs)
+    results = [*RESULTS, *WORDS]
+    return data.set_coords([name for name in data.data_vars if name not in results])[results]
+
+
+def is_sweep(path: str | os.PathLike[str]) -> bool:
+    """Whether a path looks like a store of a sweep."""
+    return (Path(path) / "zarr.json").is_file()
+
+
+def about(name: str) -> dict[str, str]:
+    """Attributes of a result."""
+    if name in WORDS:
+        return {"long_name": WORDS[name]}
+    units, text = RESULTS[name]
+    return {"units": units, "long_name": text}
+
+
+def _make(group: Any, design: Design, chunks: tuple[int, ...], request: dict[str, Any]) -> None:
+    group.attrs.update({"title": TITLE, "request": json.dumps(request)})
+    for name, (dim, values, attributes) in design.coordinates().items():
+        words = values.dtype.kind == "U"
+        array = group.create_array(
+            name, shape=values.shape, dtype=str if words else "f8", chunks=values.shape,
+            dimension_names=(dim,), attributes=attributes,
+        )  # fmt: skip
+        array[...] = values.astype(object) if words else values
+    for name in (*RESULTS, *WORDS):
+        number = name in RESULTS
+        group.create_array(
+            name, shape=tuple(design.sizes.values()), chunks=chunks,
+            dtype="f8" if number else str, fill_value=np.nan if number else "",
+            dimension_names=tuple(design.sizes), attributes=about(name),
+        )  # fmt: skip
+
+
+def _zarr() -> Any:
+    try:
+        import zarr
+    except ImportError as error:
+        raise MjskipError("Zarr stores need a package more: pip install 'mjskip[sweep]'") from error
+    return zarr
+
+
+def _group(zarr: Any, path: Path) -> Any:
+    if not is_sweep(path):
+        raise MjskipError(f"{path} is no sweep: give a store that `mjskip sweep` wrote")
+    try:
+        group = zarr.open_group(path, mode="r+")
+        _ = group.attrs["request"], group["status"]
+    except (OSError, KeyError, ValueError) as error:
+        raise MjskipError(
+            f"{path} is no sweep ({error}): give a store that `mjskip sweep` wrote"
+        ) from error
+    return group
+
+
+def _differences(was: Any, now: Any, name: str = "") -> Any:
+    """Lines that say what differs between two requests."""
+    if isinstance(was, dict) and isinstance(now, dict):
+        for key in dict.fromkeys([*was, *now]):
+            yield from _differences(was.get(key), now.get(key), f"{name}.{key}" if name else key)
+    elif was != now:
+        yield f"{name} was {was}, now {now}"
