@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -11,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip.attitude import difference
-from mjskip.errors import DivergedError
+from mjskip.errors import DivergedError, MjskipWarning
 from mjskip.recording import Limits
 from mjskip.scene import Scene
 from mjskip.simulate import simulate
@@ -139,13 +140,13 @@ def compare(
     ladder = _ladder(timesteps)
     fine = ladder[-1]
     progress("yardstick")
-    scout = simulate(scene, engine="reference", timestep=fine, limits=_until(2.0))
+    scout = _run(scene, engine="reference", timestep=fine, limits=_until(2.0))
     if not scout.contacts:
         raise ValueError(
             "the stone does not touch the water within 2 s: throw it lower or downwards"
         )
     far_enough = scout.contacts[0].entry.time + LONGEST_TOUCH + 2.0 * ladder[0]
-    long = simulate(
+    long = _run(
         scene,
         engine="reference",
         integrator="adaptive",
@@ -234,10 +235,16 @@ def _lesser_order(steps: Sequence[float], errors: Sequence[tuple[float, float]])
     return min((order for order in orders if order is not None), default=None)
 
 
+def _run(scene: Scene, **options: Any) -> Trajectory:
+    """`simulate` without its doubts about coarse steps: they are the point of the ladder."""
+    with warnings.catch_warnings(action="ignore", category=MjskipWarning):
+        return simulate(scene, **options)
+
+
 def _attempt(scene: Scene, until: float, options: dict[str, Any]) -> Trajectory | None:
     """The run, or None if it diverged."""
     try:
-        return simulate(scene, limits=_until(until), **options)
+        return _run(scene, limits=_until(until), **options)
     except DivergedError:
         return None
 
@@ -278,7 +285,7 @@ def _tumbling(scene: Scene, ladder: Sequence[float]) -> tuple[Trajectory, Scene]
         "integrator": "adaptive",
         "timestep": ladder[-1],
     }
-    return simulate(high, limits=_until(until), **yardstick), high
+    return _run(high, limits=_until(until), **yardstick), high
 
 
 @dataclass(frozen=True, kw_only=True)

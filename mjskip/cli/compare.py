@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 import math
-import warnings
 from dataclasses import asdict
 from typing import Any
 
 import click
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
@@ -16,7 +16,6 @@ from mjskip import __version__
 from mjskip.cli.options import chosen_scene, throw_options
 from mjskip.comparison import LADDER, Comparison
 from mjskip.comparison import compare as compare_solvers
-from mjskip.errors import MjskipWarning
 from mjskip.simulate import largest_timestep
 
 out = Console(highlight=False)
@@ -38,8 +37,7 @@ err = Console(stderr=True, highlight=False)
 )
 def compare(timesteps: tuple[float, ...], as_json: bool, **throw: Any) -> None:
     """Throw the stone of SCENE by every solver at every time step, through its first touch."""
-    with err.status("preparing") as status, warnings.catch_warnings():
-        warnings.simplefilter("ignore", MjskipWarning)  # coarse steps are the point of the ladder
+    with err.status("preparing") as status:
         scene = chosen_scene(**throw)
         result = compare_solvers(scene, timesteps=timesteps or LADDER, progress=status.update)
     advised = largest_timestep(scene.stone, scene.throw.speed)
@@ -89,9 +87,7 @@ def _report(path: Any, body: str, result: Comparison, advised: float) -> dict[st
 
 
 def _rows_table(result: Comparison) -> Table:
-    table = Table("solver", "step", "flight", "", "touch", "", "a step", header_style="cyan")
-    for column in table.columns[1:]:
-        column.justify = "right"
+    table = _table("solver", "step", "flight", "", "touch", "", "a step")
     last = ""
     for row in result.rows:
         solver = f"{row.engine} {row.integrator}"
@@ -111,9 +107,7 @@ def _rows_table(result: Comparison) -> Table:
 
 
 def _agreement_table(result: Comparison) -> Table:
-    table = Table("step", "flight", "", "touch", "", header_style="cyan")
-    for column in table.columns:
-        column.justify = "right"
+    table = _table("step", "flight", "", "touch", "")
     for row in result.agreement:
         table.add_row(
             f"{1e3 * row.timestep:g} ms",
@@ -126,12 +120,19 @@ def _agreement_table(result: Comparison) -> Table:
 
 
 def _order_table(result: Comparison) -> Table:
-    table = Table("solver", "smooth flight", "touch", header_style="cyan")
-    for column in table.columns[1:]:
-        column.justify = "right"
+    table = _table("solver", "smooth flight", "touch")
     for order in result.orders:
         cells = ["-" if v is None else f"{v:.2f}" for v in (order.smooth_flight, order.touch)]
         table.add_row(f"{order.engine} {order.integrator}", *cells)
+    return table
+
+
+def _table(*headings: str) -> Table:
+    """A table without frames whose first column is text if it names solvers."""
+    table = Table(header_style="cyan", box=SIMPLE_HEAD, padding=(0, 1))
+    for heading in headings:
+        justify: Any = "left" if heading == "solver" else "right"
+        table.add_column(heading, justify=justify, no_wrap=True)
     return table
 
 
