@@ -8,7 +8,6 @@ from dataclasses import asdict
 from typing import Any
 
 import click
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
@@ -87,7 +86,7 @@ def _report(path: Any, body: str, result: Comparison, advised: float) -> dict[st
 
 
 def _rows_table(result: Comparison) -> Table:
-    table = _table("solver", "step", "flight", "", "touch", "", "a step")
+    table = _table("solver", "step\nms", "flight\nm", "\ndeg", "touch\nm", "\ndeg", "a step\nµs")
     last = ""
     for row in result.rows:
         solver = f"{row.engine} {row.integrator}"
@@ -95,22 +94,22 @@ def _rows_table(result: Comparison) -> Table:
             table.add_section()
         table.add_row(
             solver if solver != last else "",
-            f"{1e3 * row.timestep:g} ms",
+            f"{1e3 * row.timestep:g}",
             _metres(row.flight_position),
             _degrees(row.flight_attitude),
             _metres(row.touch_position),
             _degrees(row.touch_attitude),
-            "diverged" if math.isnan(row.step_seconds) else f"{1e6 * row.step_seconds:.0f} µs",
+            "diverged" if math.isnan(row.step_seconds) else f"{1e6 * row.step_seconds:.0f}",
         )
         last = solver
     return table
 
 
 def _agreement_table(result: Comparison) -> Table:
-    table = _table("step", "flight", "", "touch", "")
+    table = _table("step\nms", "flight\nm", "\ndeg", "touch\nm", "\ndeg")
     for row in result.agreement:
         table.add_row(
-            f"{1e3 * row.timestep:g} ms",
+            f"{1e3 * row.timestep:g}",
             _metres(row.flight_position),
             _degrees(row.flight_attitude),
             _metres(row.touch_position),
@@ -129,7 +128,7 @@ def _order_table(result: Comparison) -> Table:
 
 def _table(*headings: str) -> Table:
     """A table without frames whose first column is text if it names solvers."""
-    table = Table(header_style="cyan", box=SIMPLE_HEAD, padding=(0, 1))
+    table = Table(header_style="cyan", box=None, pad_edge=False, padding=(0, 1))
     for heading in headings:
         justify: Any = "left" if heading == "solver" else "right"
         table.add_column(heading, justify=justify, no_wrap=True)
@@ -137,8 +136,8 @@ def _table(*headings: str) -> Table:
 
 
 def _metres(value: float) -> str:
-    return "-" if math.isnan(value) else f"{value:.1e} m"
+    return "-" if math.isnan(value) else f"{value:.1e}"
 
 
 def _degrees(value: float) -> str:
-    return "-" if math.isnan(value) else f"{math.degrees(value):.1e}°"
+    return "-" if math.isnan(value) else f"{math.degrees(value):.1e}"

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import click
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.progress import (
     BarColumn,
@@ -164,7 +163,7 @@ def report(scene: Scene, trajectory: Trajectory) -> dict[str, Any]:
 
 def skip_table(trajectory: Trajectory) -> Table:
     """The touches of one stone, a row each."""
-    table = Table(header_style="cyan", box=SIMPLE_HEAD, padding=(0, 1))
+    table = Table(header_style="cyan", box=None, pad_edge=False, padding=(0, 1))
     for heading, unit in (
         ("", ""),
         ("time", "s"),
