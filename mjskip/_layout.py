@@ -99,6 +99,11 @@ def _measure(kind: Any) -> tuple[int, int]:
     return 4, 4  # an enum
 
 
+def gravity_offset() -> int:
+    """Where in mjModel its options have the gravity [bytes]."""
+    return members("mjModel")["opt"].offset + members("mjOption")["gravity"].offset
+
+
 class ModelView:
     """A model at an address, its members as arrays without a copy: `MjModel` for reading, as it were."""
 
@@ -114,6 +119,11 @@ class ModelView:
             return _array(address, member.kind, (1,))[0]
         shape = tuple(n if isinstance(n, int) else int(getattr(self, n)) for n in member.extent)
         return _array(ctypes.c_uint64.from_address(address).value, member.kind, shape)
+
+    @property
+    def gravity(self) -> npt.NDArray[np.float64]:
+        """`MjModel.opt.gravity` (3,) [m/s^2]."""
+        return _array(self._address + gravity_offset(), "mjtNum", (3,))
 
     def body(self, body: int) -> SimpleNamespace:
         """Name of a body, as `MjModel.body` has it."""
@@ -172,6 +182,8 @@ def check(data_members: Iterable[str]) -> None:
     mujoco.mj_forward(model, data)
     wrong = [f"mjModel.{name}" for name in _misplaced("mjModel", model, members("mjModel"))]
     wrong += [f"mjData.{name}" for name in _misplaced("mjData", data, data_members)]
+    if not np.array_equal(ModelView(model._address).gravity, model.opt.gravity):
+        wrong.append("mjOption.gravity")
     if wrong:
         raise MjskipError(
             f"MuJoCo {mujoco.mj_versionString()} keeps {', '.join(wrong[:3])} elsewhere than its "

@@ -6,8 +6,8 @@ body by in a table of this process. So it does not matter which model, copy of a
 which thread, or whether a model lives where another was freed. A content that is new is handed to
 Python, which builds its block; that happens when MjData is made, or when somebody alters a model.
 
-    root      addresses of the force and immersion kernels, of the builder and of the table, then the
-              offsets of the members of mjModel and mjData below
+    root      addresses of the force and immersion kernels, of the builder and of the table; offset of
+              the gravity in mjModel; offsets of the members of mjModel and mjData below
     table     number of slots, then pairs (hash, address of the block; 0: it cannot be built)
     request   body (-1: look at the configuration only), instance, hash; answer: block, error message
 
@@ -32,7 +32,7 @@ from mjskip._native import (
     symbol,
 )
 
-WRENCH, IMMERSION, BUILDER, TABLE, MEMBERS = 0, 1, 2, 3, 4
+WRENCH, IMMERSION, BUILDER, TABLE, GRAVITY, MEMBERS = 0, 1, 2, 3, 4, 5
 SLOTS, PAIRS = 0, 1
 BODY, INSTANCE, KEY, BLOCK, MESSAGE, REQUEST = 0, 1, 2, 3, 4, 5
 
@@ -176,6 +176,7 @@ def _content(table: Any, model: int, body: int, instance: int) -> int:
     last = instance + 1 == _size(table, model, NPLUGIN)
     end = _size(table, model, NPLUGINATTR) if last else starts[instance + 1]
     key = _hash_items(table, model, PLUGIN_ATTR, begin, 1, end - begin, 1)
+    key = _hash(model + table[GRAVITY], 24, key)
     key = _hash_items(table, model, BODY_IPOS, body, 24, 1, key)
     key = _hash_items(table, model, BODY_IQUAT, body, 32, 1, key)
     key = _hash_items(table, model, BODY_INERTIA, body, 24, 1, key)

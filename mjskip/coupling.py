@@ -22,6 +22,7 @@ from mjskip._native import address_of_cfunc
 from mjskip.bodies import body_name, body_stone, find_body, free_bodies
 from mjskip.errors import DivergedError, SceneError
 from mjskip.forces import Wrench, pack, pack_states, wrench_address, wrench_of
+from mjskip.plugin import plugin_water
 from mjskip.stone import Stone
 from mjskip.water import Water
 
@@ -135,6 +136,12 @@ def _couple(
         raise SceneError(
             "this model has no free body: give the stone a <freejoint/>, or name bodies="
         )
+    for body in ids:
+        if plugin_water(model, body) is not None:
+            raise SceneError(
+                f"body {body_name(model, body)!r} has its water from plugin mjskip.water: name others with "
+                "bodies=, or take the plugin out of the model"
+            )
     if geoms is not None:
         has = [model.geom(g).name for g in range(model.ngeom) if model.geom_bodyid[g] in ids]
         for geom in geoms:
@@ -220,7 +227,8 @@ def _publish() -> None:
             address,
             coupling._entry.ctypes.data,
         )
-    _old_maps.append((fresh, dict(_attached)))
+    arrays = [(c._entry, c._frames, c.blocks) for c in _attached.values()]
+    _old_maps.append((fresh, arrays))  # not the models: they may be large
     tables.root[tables.MAP] = fresh.ctypes.data
 
 

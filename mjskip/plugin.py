@@ -139,6 +139,7 @@ def _fill_root() -> None:
     root[kernels.IMMERSION] = address_of_cfunc(immersion)
     root[kernels.BUILDER] = ctypes.cast(builder, ctypes.c_void_p).value or 0
     root[kernels.TABLE] = _blocks.table.ctypes.data
+    root[kernels.GRAVITY] = _layout.gravity_offset()
     model, data = _layout.members("mjModel"), _layout.members("mjData")
     root[kernels.MEMBERS :] = [
         *(model[name].offset for name in kernels.MODEL_MEMBERS),
@@ -212,7 +213,8 @@ def _answer(model: int, address: int, _unused: int) -> None:
         if body >= 0:
             with _lock:
                 if _blocks.built.get(key) is None:
-                    _blocks.add(key, pack(body_stone(view, body), water))
+                    stone, gravity = body_stone(view, body), float(-view.gravity[2])
+                    _blocks.add(key, pack(stone, water, gravity=gravity))
                 block = _blocks.built[key]
                 request[kernels.BLOCK] = 0 if block is None else block.ctypes.data
     except Exception as error:  # nothing may pass through the C code that called
@@ -235,17 +237,9 @@ def _configured(view: _layout.ModelView, instance: int) -> Water:
     given = {key: text for key, text in zip(KEYS, told.texts, strict=False) if text}
     who = f"plugin {NAME}" + (f", instance {told.name!r}" if told.name else "")
     try:
-        numbers = {key: _number(key, text) for key, text in given.items() if key in NUMBERS}
-        switches = {key: _switch(key, text) for key, text in given.items() if key in SWITCHES}
-        return Water(**(given | numbers | switches))
+        return Water(**{key: _value(key, text) for key, text in given.items()})
     except ValueError as error:
         raise ValueError(f"{who}: {error}") from error
-
-
-def _switch(key: str, text: str) -> bool:
-    if text not in ("true", "false"):
-        raise ValueError(f"{key} is {text!r}: give true or false")
-    return text == "true"
 
 
 def _check_sensors(view: _layout.ModelView, instance: int) -> None:
@@ -257,8 +251,14 @@ def _check_sensors(view: _layout.ModelView, instance: int) -> None:
         )
 
 
-def _number(key: str, text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise ValueError(f"{key} is {text!r}: give a number") from None
+def _value(key: str, text: str) -> Any:
+    if key in SWITCHES:
+        if text not in ("true", "false"):
+            raise ValueError(f"{key} is {text!r}: give true or false")
+        return text == "true"
+    if key in NUMBERS:
+        try:
+            return float(text)
+        except ValueError:
+            raise ValueError(f"{key} is {text!r}: give a number") from None
+    return text

@@ -17,7 +17,7 @@ from mjskip import Water, attach, register_plugin, wrench
 from mjskip import _layout as layout
 from mjskip import plugin as plugin_module
 from mjskip.bodies import body_stone
-from mjskip.errors import MjskipError
+from mjskip.errors import MjskipError, SceneError
 from mjskip.plugin import plugin_water
 
 FULL = mujoco.mjtState.mjSTATE_FULLPHYSICS
@@ -105,14 +105,17 @@ def assert_no_warnings(data):
         {"density": 800, "air_density": 5, "gate": "local"},
         {"law": "bocquet2003"},
         {"law": "nagahiro2005", "density": "1.3e3"},
+        {"buoyancy": "true", "skin_friction": "true", "viscosity": 1e-5},
     ],
     ids=str,
 )
 def test_a_free_stone_skips_as_it_does_with_attach(integrator, config):
-    numbers = {k: float(v) for k, v in config.items() if "density" in k}
+    meant = {key: {"true": True}.get(value, value) for key, value in config.items()}
+    for key in meant.keys() & {"density", "air_density", "viscosity"}:
+        meant[key] = float(meant[key])
     first, second = plain(integrator=integrator), plugged(config, integrator=integrator)
     here, there = started(first), started(second)
-    with attach(first, here, water=Water(**(config | numbers))):
+    with attach(first, here, water=Water(**meant)):
         run(first, here, 300)
     run(second, there, 300)
     assert abs(here.qpos[0]) > 0.1  # it went somewhere
@@ -305,6 +308,7 @@ def test_a_sensor_that_names_a_body_is_refused():
     [
         ({"dense": 3}, "unrecognized attribute 'plugin:dense' for plugin mjskip.water"),
         ({"density": "thick"}, "instance 'lake': density is 'thick': give a number"),
+        ({"buoyancy": "yes"}, "buoyancy is 'yes': give true or false"),
         ({"density": -1}, "density is -1.0: give a finite number"),
         ({"air_density": "nan"}, "air_density is nan: give a finite number"),
         ({"gate": "side%ways"}, "gate is 'side%ways': use one of centre, local"),
@@ -351,9 +355,8 @@ def test_a_force_that_is_not_finite_is_a_counted_warning_and_no_force():
 
 
 def test_another_layout_is_refused_with_the_version(monkeypatch):
-    members = dict(layout.members("mjModel"))
-    members["body_ipos"] = members["body_iquat"]
-    shown = {"mjModel": members, "mjData": layout.members("mjData")}
+    shown = {name: layout.members(name) for name in ("mjModel", "mjData", "mjOption")}
+    shown["mjModel"] = {**shown["mjModel"], "body_ipos": shown["mjModel"]["body_iquat"]}
     monkeypatch.setattr(layout, "members", shown.__getitem__)
     with pytest.raises(
         MjskipError, match=rf"MuJoCo {mujoco.mj_versionString()} keeps mjModel.body_ipos"
@@ -442,6 +445,25 @@ def test_altering_a_model_while_it_lives_alters_its_water():
     mujoco.mj_forward(model, there)
     np.testing.assert_allclose(there.qacc, here.qacc, rtol=1e-11, atol=1e-9)
     assert not np.array_equal(run(model, there, 1), expected)
+
+
+def test_a_floating_stone_knows_the_gravity_of_its_model():
+    model = plugged({"buoyancy": "true"})
+    data = mujoco.MjData(model)
+    data.qpos[2] = -1.0
+    lifts = []
+    for gravity in (-9.81, -1.62):
+        model.opt.gravity[2] = gravity
+        mujoco.mj_forward(model, data)
+        lifts.append(data.qfrc_passive[2])
+    volume = model.body_mass[1] / 2600.0
+    # vertices of a compiled mesh have single precision
+    np.testing.assert_allclose(lifts, [9810.0 * volume, 1620.0 * volume], rtol=1e-6)
+
+
+def test_attach_refuses_a_body_that_has_its_water_already():
+    with pytest.raises(SceneError, match="'stone' has its water from plugin"), attach(plugged()):
+        pass
 
 
 def test_mirror_images_are_not_taken_for_each_other():
