@@ -18,12 +18,13 @@ from _common import (
     in_parallel,
     leaves,
     main,
+    reference_scene,
     table,
     threshold,
     touch,
 )
 
-from mjskip import Limits, Stone, Throw, Water, integrate
+from mjskip import Limits, Stone, Throw, Water, integrate, simulate
 
 TITLE = "Oracles: is it computed right?"
 
@@ -164,6 +165,27 @@ def free_rows() -> list[dict[str, Any]]:
     return [*rows, row(name, 30.0, least, 5.0, "given as about 30; tried in steps of 5")]
 
 
+def mujoco_rows() -> list[dict[str, Any]]:
+    """The reference touches again, by MuJoCo from the scene file."""
+    limits = Limits(duration=0.3, min_airtime=1e-3)
+    options: dict[str, Any] = {"integrator": "RK4", "timestep": 1e-4, "limits": limits}
+    frozen = simulate(reference_scene(spin=0.0), frozen_attitude=True, **options).contacts[0]
+    marginal = simulate(reference_scene(spin=70.0), **options).contacts[0]
+    stays = simulate(reference_scene(spin=65.0), **options).contacts[0]
+    assert frozen.exit is not None
+    assert marginal.exit is not None
+    return [
+        row("MuJoCo, frozen 20/20: vx out [m/s]", 2.594, frozen.exit.velocity[0], 0.02594, "1%"),
+        row("MuJoCo, frozen 20/20: vz out [m/s]", 0.231, frozen.exit.velocity[2], 0.00924, "4%"),
+        row(
+            "MuJoCo, frozen 20/20: contact time [ms]", 48.9, 1e3 * contact_time(frozen), 1.956, "4%"
+        ),
+        row("MuJoCo, 65 rev/s: leaves", 0, float(stays.exit is not None), 0.0, "yes or no"),
+        row("MuJoCo, 70 rev/s: vx out [m/s]", 2.67, marginal.exit.velocity[0], 0.0267, "1%"),
+        row("MuJoCo, 70 rev/s: contact time [ms]", 66.0, 1e3 * contact_time(marginal), 2.64, "4%"),
+    ]
+
+
 def exact_rows() -> list[dict[str, Any]]:
     """Closed forms."""
     disc = Stone.disc(0.025, 0.00275, density=2700.0)
@@ -228,13 +250,18 @@ def exact_rows() -> list[dict[str, Any]]:
 
 
 def _part(name: str) -> list[dict[str, Any]]:
-    parts = {"reference": reference_rows, "free": free_rows, "exact": exact_rows}
+    parts = {
+        "reference": reference_rows,
+        "free": free_rows,
+        "exact": exact_rows,
+        "mujoco": mujoco_rows,
+    }
     return parts[name]() if name in parts else frozen_rows(float(name))
 
 
 def run(*, quick: bool, out: Path) -> dict[str, Any]:
     """Every oracle row; the short form is the full one."""
-    found = in_parallel(_part, ["reference", "free", "exact", *map(str, ATTACKS)])
+    found = in_parallel(_part, ["reference", "free", "mujoco", "exact", *map(str, ATTACKS)])
     rows = [item for part in found for item in part]
     return {"rows": rows, "passed": sum(r["ok"] for r in rows), "total": len(rows)}
 
