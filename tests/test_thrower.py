@@ -148,7 +148,7 @@ def test_what_an_arm_throws_takes_no_other_throw(scene):
 
 
 def test_a_scene_with_the_plugin_equals_one_with_settings(tmp_path):
-        text = (MODELS / "lake.xml").read_text().replace("assets/", f"{MODELS}/assets/")
+    text = (MODELS / "lake.xml").read_text().replace("assets/", f"{MODELS}/assets/")
     plain = simulate("lake")
     for setting in ("density", "air_density"):
         text = text.replace(f'<numeric name="mjskip.{setting}"', f'<numeric name="{setting}"')
