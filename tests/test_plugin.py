@@ -7,6 +7,7 @@ import pickle
 import resource
 import threading
 import time
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -298,6 +299,17 @@ def test_a_sensor_shows_the_bodies_of_its_instance_in_turn():
 def test_a_sensor_that_names_a_body_is_refused():
     with pytest.raises(ValueError, match="leave out objtype"):
         plugged(sensor='<plugin instance="lake" objtype="body" objname="stone"/>')
+
+
+def test_the_model_in_the_docs_floats():
+    text = (Path(__file__).parent.parent / "docs" / "routes.md").read_text()
+    model = mujoco.MjModel.from_xml_string(text.split("```xml\n")[1].split("```")[0])
+    data = mujoco.MjData(model)
+    data.qpos[2] = -0.02
+    mujoco.mj_forward(model, data)
+    force, weight = data.sensor("water").data[2], 9.81 * model.body_mass[1]
+    assert force > weight
+    assert 0.0 < data.sensor("water").data[6]
 
 
 # --- what a configuration may say -----------------------------------------------------------------
