@@ -90,7 +90,7 @@ class ReferenceEngine:
             name: Integrator(
                 scene.stones[name],
                 start,
-                water=scene.water,
+                water=scene.water_of(name),
                 method=self.integrator,
                 timestep=timestep,
                 gravity=(float(gravity[0]), float(gravity[1]), float(gravity[2])),

@@ -11,6 +11,7 @@ import pytest
 from mjskip import Limits, Stone, load_scene, simulate
 from mjskip.arm import Arm
 from mjskip.errors import SceneError
+from mjskip.simulate import simulate_all
 
 MODELS = Path(__file__).parent.parent / "models"
 THROWER = MODELS / "thrower.xml"
@@ -169,3 +170,29 @@ def test_a_scene_with_the_plugin_equals_one_with_settings(tmp_path):
 def test_the_water_of_a_plugin_is_changed_in_its_config(scene):
     with pytest.raises(ValueError, match="comes from the plugin"):
         simulate(replace(scene, water=replace(scene.water, density=500.0)))
+
+
+def test_both_engines_give_each_stone_the_water_of_its_plugin(tmp_path):
+    text = (MODELS / "duel.xml").read_text().replace("assets/", f"{MODELS}/assets/")
+    for setting in ("density", "air_density", "gate"):
+        text = text.replace(f'"mjskip.{setting}"', f'"{setting}"')
+    text = text.replace(
+        "<custom>",
+        '<extension><plugin plugin="mjskip.water"><instance name="a"/><instance name="b">'
+        '<config key="density" value="500"/></instance></plugin></extension><custom>',
+        1,
+    )
+    for name in "ab":
+        text = text.replace("<freejoint/>\n", f'<freejoint/><plugin instance="{name}"/>', 1)
+    file = tmp_path / "duel.xml"
+    file.write_text(text)
+    runs = [
+        simulate_all(load_scene(file), engine=engine, limits=Limits(duration=0.3))
+        for engine in ("mujoco", "reference")
+    ]
+    for name, density in (("spinning", 1000.0), ("still", 500.0)):
+        first, second = (run[name] for run in runs)
+        assert first.attributes["water"]["density"] == density
+        assert first.wetted_area.max() > 0.0
+        # both are RK4 at the same step; MuJoCo turns a free joint by another rule
+        np.testing.assert_allclose(first.x, second.x, atol=1e-5)
