@@ -13,6 +13,8 @@ from typing import Any
 from mjskip.errors import MjskipError
 from mjskip.sweep_job import Job, run_chunk
 
+Index = tuple[slice, ...]
+
 PATIENCE = 10.0
 """How long a scheduler may take to answer [s]."""
 
@@ -20,8 +22,8 @@ PATIENCE = 10.0
 def run_on_cluster(
     address: str,
     job: Job,
-    chunks: Sequence[tuple[slice, ...]],
-    take: Callable[[tuple[slice, ...], dict[str, Any]], None],
+    chunks: Sequence[Index],
+    take: Callable[[Index, dict[str, Any]], None],
 ) -> None:
     """Do chunks on the workers of a scheduler and hand over each as it is done, in any order.
 
@@ -47,23 +49,28 @@ def run_on_cluster(
             "`dask scheduler`, and workers with `dask worker ADDRESS`"
         ) from error
     with client:
+        for index, found in _results(cluster, client, address, job, chunks):
+            take(index, found)
+
+
+def _results(cluster: Any, client: Any, address: str, job: Job, chunks: Sequence[Index]) -> Any:
+    """Pairs of chunk and results, as they come."""
+    try:
         # the job goes with every task: data kept on a worker would be lost with it
         futures = {
             client.submit(run_chunk, job, index, threads=1, pure=False): index for index in chunks
         }
-        try:
-            for future in cluster.as_completed(futures):
-                take(futures[future], future.result())
-                future.release()
-        except (TimeoutError, CancelledError, OSError) as error:
-            raise MjskipError(
-                f"the scheduler at {address} is lost ({_line(error)}): what is done is kept, ask again to "
-                "go on"
-            ) from error
-        except Exception as error:  # what a task raised, or KilledWorker
-            raise MjskipError(
-                f"a chunk failed on the cluster ({_line(error)}): what is done is kept, ask again to go on"
-            ) from error
+        for future in cluster.as_completed(futures, loop=client.loop):
+            yield futures[future], future.result()
+            future.release()
+    except (TimeoutError, CancelledError, OSError) as error:
+        raise MjskipError(
+            f"the scheduler at {address} is lost ({_line(error)}): what is done is kept, ask again to go on"
+        ) from error
+    except Exception as error:  # what a task raised, or KilledWorker
+        raise MjskipError(
+            f"a chunk failed on the cluster ({_line(error)}): what is done is kept, ask again to go on"
+        ) from error
 
 
 def _line(error: BaseException) -> str:

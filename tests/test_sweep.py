@@ -97,7 +97,7 @@ def test_a_throw_that_diverges_is_a_row_with_its_time(engine):
     limits = Limits(duration=0.5, sink_depth=1e300)
     with pytest.warns(MjskipWarning, match="too large at 1000 m/s"):
         found = sweep(
-            PEBBLE, {"height": [1000.0, 0.0]}, throw=Throw(speed=1000, descent=1.2), timestep=0.02,
+            PEBBLE, {"height": [1000.0, 0.0]}, throw=Throw(speed=1000, descent=1.2), timestep=0.002,
             integrator={"reference": "euler", "mujoco": "Euler"}[engine], engine=engine,
             limits=limits,
         )  # fmt: skip

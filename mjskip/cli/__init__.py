@@ -14,6 +14,7 @@ from mjskip.errors import DivergedError, MjskipError, MjskipWarning
 COMMANDS = {
     "run": "Throw the stone of a scene; print its skips, draw a video.",
     "compare": "The same throw by MuJoCo and by the pure integrator, over a ladder of time steps.",
+    "sweep": "Throws over a grid of parameters: most skips, where they skip, how surely.",
     "info": "Versions, OpenGL renderer, ffmpeg, threads, shipped scenes.",
 }
 """Each is a module of this package with a click command of the same name."""
