@@ -199,6 +199,7 @@ def body_wrench(block: Any, state: Any, out: Any) -> None:
         plain, friction = block[SPEED_SQUARED], block[FRICTION]
         speed2 = vx * vx + vy * vy + vz * vz
         speed = math.sqrt(speed2)
+        third = 1.0 / 3.0
         for i in range(int(block[N_TRIANGLES])):
             k = HEADER + i * ROW
             nx, ny, nz = block[k + NORMAL], block[k + NORMAL + 1], block[k + NORMAL + 2]
@@ -217,7 +218,11 @@ def body_wrench(block: Any, state: Any, out: Any) -> None:
                 hc -= _surface(patch, state, cx, cy, cz, 0)
             if ha >= 0.0 and hb >= 0.0 and hc >= 0.0:
                 continue
-            fraction, rx, ry, rz = immersed_part(ax, ay, az, ha, bx, by, bz, hb, cx, cy, cz, hc)
+            if ha < 0.0 and hb < 0.0 and hc < 0.0:  # the most frequent case
+                fraction = 1.0
+                rx, ry, rz = (ax + bx + cx) * third, (ay + by + cy) * third, (az + bz + cz) * third
+            else:
+                fraction, rx, ry, rz = immersed_part(ax, ay, az, ha, bx, by, bz, hb, cx, cy, cz, hc)
             vn = (
                 vn_centre
                 + (wy * rz - wz * ry) * nx
@@ -422,14 +427,13 @@ def observe(block: Any, states: Any, out: Any) -> None:
 
 
 def _entry(block: Any, state: Any, out: Any) -> None:
-    """`body_wrench` as C: void(double*, double*, double*)."""
-    size = HEADER + int(block[N_TRIANGLES]) * ROW
-    body_wrench(numba.carray(block, size), numba.carray(state, STATE), numba.carray(out, WRENCH))
+    """`body_wrench` as C: void(double*, double*, double*).
+
+    Pointers are indexed as they are; of arrays numba checks every index for being negative.
+    """
+    body_wrench(block, state, out)
 
 
 def _immersion_entry(block: Any, state: Any, out: Any) -> None:
     """`body_immersion` as C: void(double*, double*, double*)."""
-    size = HEADER + int(block[N_TRIANGLES]) * ROW
-    body_immersion(
-        numba.carray(block, size), numba.carray(state, STATE), numba.carray(out, IMMERSION)
-    )
+    body_immersion(block, state, out)
