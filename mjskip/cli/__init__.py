@@ -15,6 +15,7 @@ COMMANDS = {
     "run": "Throw the stone of a scene; print its skips, draw a video.",
     "compare": "The same throw by MuJoCo and by the pure integrator, over a ladder of time steps.",
     "sweep": "Throws over a grid of parameters: most skips, where they skip, how surely.",
+    "optimize": "The best throw within a thrower's limits, for a hand that strays.",
     "info": "Versions, OpenGL renderer, ffmpeg, threads, shipped scenes.",
 }
 """Each is a module of this package with a click command of the same name."""

@@ -91,10 +91,10 @@ def sweep(
     axes = dict(_axis(text) for text in vary)
     points: dict[str, Any] = {}
     if latin:
-        points |= latin_hypercube(dict(_pair(t) for t in latin), count=samples, seed=seed)
+        points |= latin_hypercube(dict(pair(t) for t in latin), count=samples, seed=seed)
     if bell:
-        points |= normal(dict(_pair(t) for t in bell), count=samples, seed=seed + 1)
-    spread = {name: (0.0, sd) for name, sd in (_number(text) for text in scatter)}
+        points |= normal(dict(pair(t) for t in bell), count=samples, seed=seed + 1)
+    spread = {name: (0.0, sd) for name, sd in (number(text) for text in scatter)}
     with err.status("preparing: the first run on a machine compiles for some seconds"):
         scene = chosen_scene(**throw)
     begun = time.perf_counter()
@@ -216,7 +216,7 @@ def _axis(text: str) -> tuple[str, Any]:
     raise click.UsageError(f"{text!r} is neither LOW:HIGH:COUNT nor A,B,...")
 
 
-def _pair(text: str) -> tuple[str, tuple[float, float]]:
+def pair(text: str) -> tuple[str, tuple[float, float]]:
     name, value = _split(text)
     numbers = _numbers(name, value.split(":"))
     if len(numbers) != 2:
@@ -224,6 +224,6 @@ def _pair(text: str) -> tuple[str, tuple[float, float]]:
     return name, (numbers[0], numbers[1])
 
 
-def _number(text: str) -> tuple[str, float]:
+def number(text: str) -> tuple[str, float]:
     name, value = _split(text)
     return name, _numbers(name, [value])[0]

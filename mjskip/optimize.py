@@ -1,0 +1,245 @@
+"""The best throw within what a thrower can do: for ensembles, so that it is a sure one and not a lucky one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import differential_evolution
+
+from mjskip.batch import ENDS, throw_all
+from mjskip.design import THROW, normal
+from mjskip.recording import Limits
+from mjskip.stone import Stone
+from mjskip.throw import Throw
+from mjskip.water import Water
+
+Array = npt.NDArray[np.float64]
+Goal = Literal["skips", "distance"]
+GOALS: tuple[Goal, ...] = get_args(Goal)
+
+HAND: dict[str, float] = {
+    "speed": 0.3,
+    "spin": 3.0,
+    "attack": 0.035,
+    "descent": 0.018,
+    "bank": 0.035,
+}
+"""Standard deviations of a practised hand, assumed: 0.3 m/s, 0.5 rev/s, 2, 1 and 2 degrees (SI here)."""
+
+NEIGHBOURS = 9
+"""Values of each parameter that the neighbourhood looks at, over its whole range."""
+
+GOOD = 0.9
+"""Part of the best mean that still counts as good in the neighbourhood."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Neighbourhood:
+    """What becomes of the best throw if one parameter is another.
+
+    Attributes:
+        values: of the parameter (n,), ascending, SI.
+        mean: of the goal over the ensemble (n,).
+        deviation: of the goal within the ensemble (n,).
+        good: lowest and highest value around the best one at which the mean is at least `GOOD` of it.
+    """
+
+    values: Array
+    mean: Array
+    deviation: Array
+    good: tuple[float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Best:
+    """The best throw found.
+
+    Attributes:
+        throw: the throw to aim for.
+        goal: "skips" or "distance" [m].
+        mean: of the goal over an ensemble that the search never saw.
+        deviation: standard deviation within it.
+        tenth: one throw in ten does no better than this.
+        aimed: the goal if the hand does exactly what it aims for.
+        searched: mean that the search saw: above `mean` by its luck.
+        neighbourhood: by parameter.
+        throws: how many were thrown to find it.
+    """
+
+    throw: Throw
+    goal: Goal
+    mean: float
+    deviation: float
+    tenth: float
+    aimed: float
+    searched: float
+    neighbourhood: Mapping[str, Neighbourhood]
+    throws: int
+
+
+def optimize(
+    stone: Stone,
+    limits: Mapping[str, tuple[float, float]],
+    *,
+    goal: Goal = "skips",
+    throw: Throw | None = None,
+    water: Water | None = None,
+    scatter: Mapping[str, float] | None = None,
+    members: int = 32,
+    population: int = 24,
+    generations: int = 20,
+    timestep: float = 5e-4,
+    run_limits: Limits | None = None,
+    threads: int | None = None,
+    seed: int = 0,
+    progress: Callable[[int, int], None] | None = None,
+) -> Best:
+    """The throw with most skips or the longest way, within a thrower's limits.
+
+    Every candidate is an ensemble of throws around what is aimed for, the same scatter for all. SciPy's
+    differential evolution maximises its mean; of candidates with equal skips the one that gets farther is
+    preferred. The winner is then thrown anew with other scatter, four times as often: that is what is
+    reported.
+
+    Args:
+        stone: the body.
+        limits: lowest and highest value by parameter of the throw, SI: what the thrower can do.
+        goal: "skips" or "distance".
+        throw: what is not in `limits`.
+        water: the fluid.
+        scatter: standard deviation of the hand by parameter; `HAND` if None, {} for a perfect one.
+        members: of an ensemble.
+        population: candidates in a generation.
+        generations: at most.
+        timestep: [s].
+        run_limits: what counts as a skip and when a throw is over.
+        threads: that share the work.
+        seed: of search and scatter.
+        progress: called with the generations done and to do.
+
+    Raises:
+        ValueError: a limit is not of a throw or has its ends the wrong way round, or no throw within the
+            limits can be made.
+    """
+    limits, base = dict(limits), throw or Throw()
+    _check(limits, base, goal, members)
+    spread = dict(HAND if scatter is None else scatter)
+    unknown = sorted(set(spread) - set(THROW))
+    if unknown:
+        raise ValueError(f"no parameter {unknown[0]!r} of a throw: choose from {', '.join(THROW)}")
+    names = list(limits)
+    thrown = 0
+
+    def ensembles(candidates: Array, hand: dict[str, Array], count: int) -> tuple[Array, Array]:
+        """Goal and distance of every member of every candidate: (candidates, members) each."""
+        nonlocal thrown
+        throws, rows = [], []
+        for k, candidate in enumerate(candidates):
+            aimed = replace(base, **dict(zip(names, map(float, candidate), strict=True)))
+            for m in range(count):
+                made = _within({n: getattr(aimed, n) + float(hand[n][m]) for n in hand})
+                throws.append(replace(aimed, **made))
+                rows.append((k, m))
+        thrown += len(throws)
+        done = throw_all(
+            stone, throws, water=water, timestep=timestep, limits=run_limits, threads=threads
+        )
+        lost = np.array([ENDS[e] == "diverged" for e in done.end])
+        distance = np.where(lost, 0.0, done.distance).reshape(len(candidates), count)
+        skips = np.where(lost, 0, done.skips).reshape(len(candidates), count)
+        return (skips.astype(np.float64) if goal == "skips" else distance), distance
+
+    seen = _hand(spread, members, seed)
+
+    def worth(columns: Array) -> Array:
+        """What is minimised: minus the mean; a metre counts for a thousandth of a skip."""
+        found, distance = ensembles(columns.T, seen, members)
+        return np.asarray(-found.mean(axis=1) - 1e-3 * distance.mean(axis=1) * (goal == "skips"))
+
+    generation = 0
+
+    def told(*_: Any) -> None:
+        nonlocal generation
+        generation += 1
+        if progress:
+            progress(min(generation, generations), generations)
+
+    search: Any = differential_evolution  # its stubs know no vectorized=True
+    found = search(
+        worth, [limits[n] for n in names], maxiter=generations, init="latinhypercube",
+        popsize=max(1, -(-population // len(names))), vectorized=True, updating="deferred",
+        polish=False, tol=1e-3, rng=np.random.default_rng(seed), callback=told,
+    )  # fmt: skip
+    aim = np.asarray(found.x, dtype=np.float64)
+    fresh = _hand(spread, 4 * members, seed + 1)
+    values = ensembles(aim[None], fresh, 4 * members)[0][0]
+    return Best(
+        throw=replace(base, **dict(zip(names, map(float, aim), strict=True))),
+        goal=goal,
+        mean=float(values.mean()),
+        deviation=float(values.std()),
+        tenth=float(np.quantile(values, 0.1)),
+        aimed=float(ensembles(aim[None], {}, 1)[0][0, 0]),
+        searched=float(ensembles(aim[None], seen, members)[0].mean()),
+        neighbourhood={
+            name: _around(k, aim, limits[name], lambda c: ensembles(c, fresh, 4 * members)[0])
+            for k, name in enumerate(names)
+        },
+        throws=thrown,
+    )
+
+
+def _around(
+    k: int, aim: Array, ends: tuple[float, float], ensembles: Callable[[Array], Array]
+) -> Neighbourhood:
+    """Vary coordinate k of the best throw over its range, the best value among them."""
+    values = np.unique(np.append(np.linspace(*ends, NEIGHBOURS - 1), aim[k]))
+    candidates = np.repeat(aim[None], len(values), axis=0)
+    candidates[:, k] = values
+    found = ensembles(candidates)
+    mean = found.mean(axis=1)
+    here = int(np.argmin(abs(values - aim[k])))
+    first = last = here
+    while first > 0 and mean[first - 1] >= GOOD * mean[here]:
+        first -= 1
+    while last < len(values) - 1 and mean[last + 1] >= GOOD * mean[here]:
+        last += 1
+    return Neighbourhood(
+        values=values,
+        mean=mean,
+        deviation=found.std(axis=1),
+        good=(float(values[first]), float(values[last])),
+    )
+
+
+def _hand(spread: Mapping[str, float], count: int, seed: int) -> dict[str, Array]:
+    """What the hand adds to each parameter, (count,) each."""
+    if not spread:
+        return {}
+    return normal({name: (0.0, sd) for name, sd in spread.items()}, count=count, seed=seed)
+
+
+def _within(made: dict[str, float]) -> dict[str, float]:
+    """What leaves the hand, kept to what a `Throw` can be: a speed scattered below 0 is 0."""
+    lowest = {"speed": 0.0, "height": 0.0}
+    return {name: max(value, lowest.get(name, value)) for name, value in made.items()}
+
+
+def _check(limits: Mapping[str, tuple[float, float]], base: Throw, goal: str, members: int) -> None:
+    if goal not in GOALS:
+        raise ValueError(f"goal is {goal!r}: use one of {', '.join(GOALS)}")
+    if members < 1:
+        raise ValueError(f"members is {members!r}: give at least 1")
+    if not limits:
+        raise ValueError("no limits are given: say what the thrower can do, such as speed=(5, 12)")
+    for name, (low, high) in limits.items():
+        if name not in THROW:
+            raise ValueError(f"no parameter {name!r} of a throw: choose from {', '.join(THROW)}")
+        if not low < high:
+            raise ValueError(f"{name} from {low!r} to {high!r}: give the lower end first")
+        for end in (low, high):
+            replace(base, **{name: end})  # says what is out of range
