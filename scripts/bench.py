@@ -1,6 +1,6 @@
-"""What does the water cost? Ratios against a baseline measured in the same run (about two minutes).
+"""What does the water cost? Ratios against a baseline measured in the same run (some minutes).
 
-    python scripts/bench.py [--json FILE] [--only coupling,waves,drawing]
+    python scripts/bench.py [--json FILE] [--only coupling,waves,drawing,plugin,sweep]
 
 Every figure is a median of alternating repeats after a warm-up. Ratios hold across machines, times do not.
 """
@@ -27,6 +27,15 @@ GOALS = {  # name of a ratio: (goal, whether the ratio should be below it)
     "coupling.RK4.dry.native_over_bare": (1.15, True),
     "coupling.Euler.wet.native_over_bare": (2.0, True),
     "coupling.RK4.wet.native_over_bare": (2.0, True),
+    "waves.step_over_memcpy_500": (1.6, True),
+    "waves.numpy_over_step_500": (15.0, False),
+    "waves.two_threads_speedup_4096": (1.5, False),
+    "waves.dense_over_lake_time": (50.0, False),
+    "waves.dense_over_lake_memory": (50.0, False),
+    "drawing.ratio": (10.0, False),
+    "plugin.Euler.dry.plugin_over_bare": (1.15, True),
+    "plugin.RK4.dry.plugin_over_bare": (1.15, True),
+    "plugin.RK4.wet.plugin_over_bare": (1.7, True),
 }
 
 
@@ -78,6 +87,8 @@ PARTS: dict[str, Callable[[], dict[str, Any]] | str] = {
     "coupling": coupling,
     "waves": "bench_waves",
     "drawing": "bench_draw",
+    "plugin": "bench_plugin",
+    "sweep": "bench_sweep",
 }
 """Parts with a file of their own have a function `bench()` there."""
 
