@@ -30,9 +30,12 @@ sys.path.insert(0, str(HERE / "validation"))
 
 from _common import plain  # noqa: E402
 
+from mjskip.laws import LAWS  # noqa: E402
+
 QUESTIONS = (
     "oracle",
     "experiments",
+    *(["planing"] if "lee2010_forward" in LAWS else []),
     "fig_spin",
     "fig_momentum",
     "fig_paths",
@@ -112,7 +115,7 @@ def write_page(parts: list[Part], made: dict[str, Any]) -> str:
     sections = ["# Is it right?", reproduction.summary(found)]
     for part in parts:
         sections.append(f"## {part.module.TITLE}\n\n{part.module.page(part.found).strip()}")
-        if part.name == "experiments":
+        if part.name == ("planing" if "planing" in found else "experiments"):
             sections.append(f"## {reproduction.TITLE}\n\n{reproduction.page(found)}")
     total = sum(part.seconds for part in parts)
     sections.append(

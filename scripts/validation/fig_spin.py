@@ -69,7 +69,7 @@ def draw(series: list[dict[str, Any]], counts: Any, spins: Any, path: Path) -> N
                 label={"flat": "flat stone, 97 g", "round": "round pebble, 5 g"}[kind],
             )  # fmt: skip
         ax.set(xlabel="spin [rad/s]", title=f"{speed:.0f} m/s", xlim=(-15, 815))
-    axes[0].set(ylabel="skips", ylim=(-0.3, counts.max() + 0.5))
+    axes[0].set(ylabel="skips", ylim=(-0.3, np.percentile(counts, 95, axis=-1).max() + 0.5))
     axes[0].legend(loc="upper left")
     figure.savefig(path)
     plt.close(figure)

@@ -144,10 +144,10 @@ def claims(found: dict[str, Any]) -> list[tuple[str, str, str, str, str]]:
         ),
         (
             "Section 2: faster throws skip more",
-            "both stones at 400 rad/s, 8 → 12 m/s",
-            f"flat {flat[400.0][0]:.1f} → {flat12[400.0][0]:.1f}, round "
-            f"{round_[400.0][0]:.1f} → {round12[400.0][0]:.1f}",
-            "holds" if flat12[400.0][0] >= flat[400.0][0] and round12[400.0][0] > round_[400.0][0]
+            "flat stone at 800 rad/s, round pebble at 400, 8 → 12 m/s",
+            f"flat {_pm(flat[800.0])} → {_pm(flat12[800.0])}, round {_pm(round_[400.0])} → "
+            f"{_pm(round12[400.0])}",
+            "holds" if flat12[800.0][0] > flat[800.0][0] and round12[400.0][0] > round_[400.0][0]
             else "does not hold",
             "less momentum is lost per touch and gravity has less time",
         ),
