@@ -24,10 +24,11 @@ THROW = {
     "height": "m",
 }
 STONE = {"radius": "m", "thickness": "m", "mass": "kg", "stone_density": "kg m-3"}
-WATER = {"water_density": "kg m-3", "air_density": "kg m-3"}
-NAMED = ("gate", "law")
+WATER = {"water_density": "kg m-3", "air_density": "kg m-3", "viscosity": "m2 s-1"}
+SWITCHES = ("buoyancy", "skin_friction")
+NAMED = ("gate", "law", *SWITCHES)
 PARAMETERS: dict[str, str] = {**THROW, **STONE, **WATER, **dict.fromkeys(NAMED, "")}
-"""Everything that can be varied, with its SI unit; the named ones take words."""
+"""Everything that can be varied, with its SI unit; the named ones take words, switches on and off."""
 
 SAMPLE, MEMBER = "sample", "member"
 
@@ -177,6 +178,10 @@ def _values(part: str, name: str, values: Any) -> Any:
         raise ValueError(f"{name} takes words: it can be an axis, not one of {part}")
     if isinstance(values, str):
         values = [values]
+    if name in SWITCHES:
+        values = [{True: "on", False: "off"}.get(v, v) for v in values]
+        if not set(values) <= {"on", "off"}:
+            raise ValueError(f"{name} is one of on, off")
     found = np.array([str(v) for v in values]) if words else np.asarray(values, dtype=np.float64)
     if found.ndim != 1 or len(found) == 0:
         raise ValueError(f"{name} has values of shape {found.shape}: give at least one, in a row")

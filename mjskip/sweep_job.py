@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from mjskip.batch import ENDS, Air, throw_all
-from mjskip.design import STONE, THROW, Design
+from mjskip.design import NAMED, STONE, SWITCHES, THROW, WATER, Design
 from mjskip.errors import DivergedError, MjskipError, MjskipWarning
 from mjskip.recording import Limits
 from mjskip.scene import Scene, load_scene
@@ -87,6 +87,7 @@ class Job:
             "stone_density": self.stone.mass / _volume(self.stone),
             "water_density": self.water.density,
             "air_density": self.water.air_density,
+            "viscosity": self.water.viscosity,
         }
 
 
@@ -286,8 +287,8 @@ def _stone_of(stone: Stone, row: Mapping[str, Any], made: dict[tuple[Any, ...], 
 def _water_of(water: Water, row: Mapping[str, Any]) -> Water:
     named = {"water_density": "density"}
     given = {
-        named.get(name, name): row[name]
-        for name in ("water_density", "air_density", "gate", "law")
+        named.get(name, name): row[name] == "on" if name in SWITCHES else row[name]
+        for name in (*WATER, *NAMED)
         if name in row
     }
     return replace(water, **given) if given else water

@@ -113,8 +113,11 @@ def test_a_lost_scheduler_leaves_a_store_to_go_on_with(tmp_path):
             if done >= total // 4:
                 scheduler.send_signal(signal.SIGKILL)
 
+        import dask
+
+        patience = dask.config.set({"distributed.comm.timeouts.connect": "3s"})
         begun = time.monotonic()
-        with pytest.raises(MjskipError, match="ask again to go on"):
+        with patience, pytest.raises(MjskipError, match="ask again to go on"):
             sweep(STONE, **SWEEP, path=store, scheduler=address, progress=kill)
         assert time.monotonic() - begun < 60
     done = int((open_sweep(store).status == "ok").sum())

@@ -10,14 +10,17 @@ import time
 import numpy as np
 import pytest
 import xarray as xr
+from click.testing import CliRunner
 
 import mjskip.sweep as sweep_module
 from mjskip import Limits, Stone, Throw, Water, integrate, simulate
+from mjskip.cli import cli
 from mjskip.design import Design, latin_hypercube, normal, span
 from mjskip.errors import MjskipError, MjskipWarning
 from mjskip.scene import load_scene
 from mjskip.sweep import chunk_shape, sweep
 from mjskip.sweep_job import RESULTS, WORDS, stretched
+from mjskip.sweep_plot import plot_sweep
 from mjskip.sweep_store import open_sweep
 
 PEBBLE = Stone.pebble()
@@ -81,6 +84,17 @@ def test_waters_and_laws_are_dimensions():
         PEBBLE, Throw(), water=Water(density=800.0, law="rosellini2005"), timestep=5e-4
     )
     assert found.sel(law="rosellini2005", water_density=800.0).skips == direct.skips
+
+
+def test_switches_of_the_water_are_on_and_off():
+    """A stone of cork dives less deep where the water bears it."""
+    found = sweep(
+        PEBBLE, {"buoyancy": [True, False], "stone_density": [240.0]}, throw=Throw(speed=1.0),
+        limits=Limits(duration=0.5),
+    )  # fmt: skip
+    assert list(found.buoyancy.values) == ["on", "off"]
+    borne, not_borne = found.depth.values.ravel()
+    assert borne < 0.8 * not_borne
 
 
 def test_a_throw_that_cannot_be_is_a_row_with_a_reason():
@@ -168,6 +182,7 @@ def test_samples_lie_along_one_dimension():
     [
         ({"axes": {"atack": [1]}}, "no parameter 'atack'"),
         ({"axes": {"attack": []}}, "at least one"),
+        ({"axes": {"buoyancy": ["perhaps"]}}, "one of on, off"),
         ({"axes": {"attack": [0.1, 0.1]}}, "twice"),
         ({"axes": {"attack": [np.nan]}}, "finite"),
         ({"axes": {"attack": [0.1]}, "samples": {"attack": [0.1]}}, "both an axis and a sample"),
@@ -292,3 +307,76 @@ def test_bad_arguments_are_refused():
         sweep(PEBBLE, {"attack": [0.3]}, integrator="adaptive")
     with pytest.raises(ValueError, match="chunk is 0"):
         sweep(PEBBLE, {"attack": [0.3]}, chunk=0)
+
+
+@pytest.fixture(scope="module")
+def small():
+    """A sweep with two dimensions of numbers, one of words, and an ensemble."""
+    return sweep(
+        PEBBLE, {"attack": span(0.1, 0.6, 6), "law": ["lee2010", "rosellini2005"], "spin": [0, 60]},
+        scatter=normal({"speed": (0, 0.3)}, count=3, seed=1), limits=SHORT,
+        throw=Throw(height=0.05, speed=8.0),
+    )  # fmt: skip
+
+
+def test_plots_show_what_the_dimensions_suggest(small, tmp_path):
+    pytest.importorskip("matplotlib")
+    samples = sweep(
+        PEBBLE,
+        samples=latin_hypercube({"attack": (0.1, 0.6), "speed": (5, 12)}, count=9, seed=1),
+        limits=SHORT,
+    )
+    for name, data, size in (
+        ("map per law", small, 2),
+        ("line per law", small.isel(spin=1), 1),
+        ("line", small.isel(spin=1, law=0, member=[0]), 1),
+        ("cloud", samples, 1),
+    ):
+        path = tmp_path / f"{name}.png"
+        plot_sweep(data, path, dpi=50)
+        width = int.from_bytes(path.read_bytes()[16:20], "big")  # of the PNG's header
+        assert width == pytest.approx(50 * (1.2 + 4.6 * size), abs=2)
+        assert path.stat().st_size > 3000
+
+
+def test_what_cannot_be_drawn_is_said(small, tmp_path):
+    with pytest.raises(ValueError, match="no result 'joy'"):
+        plot_sweep(small, tmp_path / "a.png", result="joy")
+    with pytest.raises(MjskipError, match="nothing varies in numbers"):
+        plot_sweep(small.isel(attack=0, spin=0), tmp_path / "a.png")
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_command_takes_degrees_writes_a_store_and_goes_on_with_it(tmp_path):
+    store = tmp_path / "a.zarr"
+    command = (
+        f"sweep lake --vary attack=10:30:3 --vary law=lee2010,rosellini2005 --scatter spin=0.5 --members 2 "
+        f"--height 0.05 --duration 0.4 --timestep 5e-4 --save {store} --plot {tmp_path / 'a.png'}"
+    )
+    first = CliRunner().invoke(cli, command.split(), catch_exceptions=False)
+    assert first.exit_code == 0
+    assert "12 throws in" in first.stdout
+    assert "12 ok" in first.stdout
+    before = contents(store)
+    assert CliRunner().invoke(cli, command.split(), catch_exceptions=False).exit_code == 0
+    assert contents(store) == before
+    data = open_sweep(store)
+    np.testing.assert_allclose(np.degrees(data.attack), [10, 20, 30])
+    assert abs(data.spin_scatter).max() < 4 * np.pi  # rev/s became rad/s
+    assert (tmp_path / "a.png").stat().st_size > 3000
+
+
+@pytest.mark.parametrize(
+    ("option", "says"),
+    [
+        ("--vary=attack=1:2", "neither"),
+        ("--vary=attack=1:2:x", "whole number"),
+        ("--vary=atack=1:2:3", "choose from"),
+        ("--latin=speed=5", "two numbers"),
+        ("--vary=speed=five", "speed"),
+    ],
+)
+def test_options_that_cannot_be_read_are_refused(option, says):
+    found = CliRunner().invoke(cli, ["sweep", "lake", option])
+    assert found.exit_code == 2
+    assert says in found.output
