@@ -1,0 +1,59 @@
+"""mjskip play: the playground in the browser."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from typing import Any
+
+import click
+from rich.console import Console
+
+from mjskip.scene import load_scene
+
+out = Console(highlight=False, soft_wrap=True)
+err = Console(stderr=True, highlight=False)
+
+
+@click.command()
+@click.argument("scene", default="lake")
+@click.option("--body", metavar="NAME", help="Stone to throw.  [default: the first]")
+@click.option(
+    "--host",
+    default="127.0.0.1",
+    show_default=True,
+    metavar="ADDRESS",
+    help="Where to listen; 0.0.0.0 lets everybody in your networks throw.",
+)
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65535),
+    default=8080,
+    show_default=True,
+    help="0 takes any that is free.",
+)
+def play(scene: str, body: str | None, host: str, port: int) -> None:
+    """A page where you throw the stone of SCENE; Ctrl-C ends it."""
+    from mjskip.play.server import Playground, is_loopback
+
+    ended = threading.Event()
+
+    def end(*_: Any) -> None:
+        ended.set()
+
+    with err.status("preparing: the first run on a machine compiles for some seconds"):
+        playground = Playground(load_scene(scene, body=body), host=host, port=port)
+    before = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        who = (
+            "this machine only"
+            if is_loopback(host)
+            else "anybody who reaches this machine can use it: no password, no encryption"
+        )
+        click.echo(f"mjskip play: {playground.url} ({who}); Ctrl-C ends")
+        ended.wait()
+    finally:
+        playground.close()
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    click.echo("mjskip play: ended")

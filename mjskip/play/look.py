@@ -1,0 +1,249 @@
+"""How the page looks: light and water, where the camera stands, headline, table and plot."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from mjskip.play.player import Frame
+from mjskip.play.surface import DrawnWater
+from mjskip.play.thrown import Thrown
+from mjskip.scene import Scene
+from mjskip.stone import Stone
+from mjskip.throw import Throw
+from mjskip.trajectory import Trajectory
+
+FOLLOW, WHOLE = "follow the stone", "the whole throw"
+VIEWS = (FOLLOW, WHOLE)
+
+VISER = ("websocket", "showStats", "fixedDpr", "darkMode", "logCamera", "forceOrbitOriginTool")
+"""Parts of an address that are viser's own."""
+
+HAZE = (152, 166, 163)
+WATER = (48, 130, 155)
+STONES = ((122, 112, 101), (150, 104, 84), (96, 108, 118))
+TRAIL = (255, 246, 214)
+TRAIL_PIECES = 160
+"""Straight pieces of the drawn path."""
+
+PLOT_POINTS = 300
+
+
+# The lake ---------------------------------------------------------------------------------------
+
+
+def lake(client: Any, water: DrawnWater, stones: Mapping[str, Stone]) -> dict[str, Any]:
+    """Put light, water and stones into a client's scene; the nodes that move, by name.
+
+    Everything hangs on one frame that moves against the stone when the view follows it, so that the
+    camera stays the user's.
+    """
+    scene = client.scene
+    scene.configure_environment_map(
+        "park", background=True, background_blurriness=0.05, environment_intensity=0.7
+    )
+    scene.configure_default_lights(False)
+    scene.configure_fog(6.0, 60.0, color=HAZE)
+    # low, ahead and to the left: matte water shows its slopes by it, bright towards the sun
+    scene.add_light_directional(
+        "/sun", color=(255, 236, 200), intensity=3.5, position=(6.0, 5.0, 1.6)
+    )
+    scene.add_light_directional(
+        "/sky", color=(120, 170, 255), intensity=0.5, position=(-4.0, -5.0, 3.0)
+    )
+    nodes: dict[str, Any] = {"client": client}
+    nodes["lake"] = scene.add_frame("/lake", show_axes=False)
+    nodes["water"] = scene.add_mesh_simple(
+        "/lake/water",
+        water.vertices(None, middle=(0.0, 0.0)),
+        water.faces,
+        color=WATER,
+        cast_shadow=False,
+        receive_shadow=False,
+    )
+    for number, (name, stone) in enumerate(stones.items()):
+        nodes[f"stone {name}"] = scene.add_mesh_simple(
+            f"/lake/stone_{number}",
+            stone.vertices.astype(np.float32),
+            stone.faces.astype(np.uint32),
+            color=STONES[number % len(STONES)],
+            flat_shading=True,
+        )
+        nodes[f"trail {name}"] = scene.add_line_segments(
+            f"/lake/trail_{number}",
+            np.zeros((TRAIL_PIECES, 2, 3), np.float32),
+            TRAIL,
+            thickness=2.0,
+            thickness_units="screen",
+            visible=False,
+        )
+    nodes["touches"] = []
+    aim(client, FOLLOW, None)
+    return nodes
+
+
+def aim(client: Any, view: str, thrown: Thrown | None) -> None:
+    """Put the camera where this view begins; from there it is the user's."""
+    camera = client.camera
+    camera.up_direction = (0.0, 0.0, 1.0)
+    if view == FOLLOW or thrown is None:
+        camera.position, at = (-0.95, -1.25, 0.42), (0.22, 0.0, 0.06)
+    else:
+        far = max(0.5 * _length(thrown), 1.5)
+        camera.position, at = (-0.55 * far, -1.15 * far, 0.38 * far), (0.15 * far, 0.0, 0.0)
+    camera.look_at = at
+    camera.fov = 0.75
+
+
+def _length(thrown: Thrown) -> float:
+    return float(np.ptp(thrown.chosen.x[:, 0]))
+
+
+def place_throw(nodes: dict[str, Any], thrown: Thrown, *, view: str) -> None:
+    """Make ready for a run: its stones, no marks, no trails."""
+    _forget_touches(nodes)
+    for name, stone in thrown.scene.stones.items():
+        node = nodes[f"stone {name}"]
+        if node.vertices.shape != stone.vertices.shape or not np.allclose(
+            node.vertices, stone.vertices, atol=1e-6
+        ):
+            node.vertices = stone.vertices.astype(np.float32)
+            node.faces = stone.faces.astype(np.uint32)
+        nodes[f"trail {name}"].visible = False
+    nodes["middle"] = (
+        None if view == FOLLOW else tuple(0.5 * (thrown.chosen.x[0, :2] + thrown.chosen.x[-1, :2]))
+    )
+
+
+def still(nodes: dict[str, Any], water: DrawnWater, scene: Scene, throw: Throw) -> None:
+    """Still water and every stone in the hand, level with how it will leave it."""
+    _forget_touches(nodes)
+    starts = {
+        name: (throw if name == scene.body else scene.throws[name]).state(stone)
+        for name, stone in scene.stones.items()
+    }
+    for number, (name, start) in enumerate(starts.items()):
+        nodes[f"trail {name}"].visible = False
+        node = nodes[f"stone {name}"]
+        node.vertices = scene.stones[name].vertices.astype(np.float32)
+        node.faces = scene.stones[name].faces.astype(np.uint32)
+        x, y, z = start.position
+        node.position = (x, y + 0.3 * number, z)
+        node.wxyz = tuple(start.q)
+    nodes["lake"].position = (0.0, 0.0, 0.0)
+    nodes["water"].position = (0.0, 0.0, 0.0)
+    nodes["water"].vertices = water.vertices(None, middle=(0.0, 0.0))
+    nodes["middle"] = None
+
+
+def draw(nodes: dict[str, Any], water: DrawnWater, frame: Frame, *, view: str) -> None:
+    """Put one moment into the scene: the newest surface, the stones, their paths."""
+    thrown = frame.thrown
+    chosen = frame.poses[thrown.scene.body][0]
+    middle = nodes.get("middle") if view != FOLLOW else None
+    x, y = middle if middle is not None else (float(chosen[0]), float(chosen[1]))
+    place = water.place(x, y)
+    nodes["water"].vertices = water.vertices(frame.lake, middle=place)
+    nodes["water"].position = (*place, 0.0)
+    nodes["lake"].position = (-x, -y, 0.0)
+    for name, (position, attitude) in frame.poses.items():
+        stone = nodes[f"stone {name}"]
+        stone.position, stone.wxyz = tuple(position), tuple(attitude)
+        trail = nodes[f"trail {name}"]
+        trail.points = path(thrown.flights[name], until=frame.time)
+        trail.visible = True
+
+
+def path(flight: Trajectory, *, until: float) -> npt.NDArray[np.float32]:
+    """The way so far as pieces (TRAIL_PIECES, 2, 3) [m]."""
+    rows = np.linspace(0, max(np.searchsorted(flight.time, until), 1), TRAIL_PIECES + 1)
+    points = flight.x[np.minimum(rows.astype(np.intp), len(flight.time) - 1)]
+    return np.stack([points[:-1], points[1:]], axis=1).astype(np.float32)
+
+
+def mark_touches(nodes: dict[str, Any], frame: Frame) -> None:
+    """A number over the place of every touch until now."""
+    contacts = frame.thrown.chosen.contacts[: frame.touches]
+    if len(nodes["touches"]) > len(contacts):
+        _forget_touches(nodes)
+    for number in range(len(nodes["touches"]) + 1, len(contacts) + 1):
+        x, y, _ = contacts[number - 1].entry.position
+        nodes["touches"].append(
+            nodes["client"].scene.add_label(
+                f"/lake/touch_{number}",
+                str(number),
+                position=(x, y, 0.06),
+                anchor="bottom-center",
+                font_screen_scale=0.9,
+            )
+        )
+
+
+def _forget_touches(nodes: dict[str, Any]) -> None:
+    for label in nodes["touches"]:
+        label.remove()
+    nodes["touches"] = []
+
+
+# The panel --------------------------------------------------------------------------------------
+
+
+def headline(large: str, small_text: str) -> str:
+    """The line on top of the panel."""
+    return (
+        "<div style='padding:.1em .9em .4em'>"
+        f"<div style='font-size:1.9em;font-weight:700;color:#0b7285'>{html.escape(large)}</div>"
+        f"<div style='opacity:.75;font-size:.9em'>{html.escape(small_text)}</div></div>"
+    )
+
+
+def small(content: str) -> str:
+    """A line in small print; the content is HTML."""
+    return f"<div style='padding:0 1em;font-size:.82em;opacity:.85'>{content}</div>"
+
+
+def html_table(rows: Sequence[Sequence[str]]) -> str:
+    """A table with headings in its first row."""
+    head, *body = rows
+    cells = "".join(f"<th style='font-weight:600'>{html.escape(cell)}</th>" for cell in head)
+    lines = "".join(
+        "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in body
+    )
+    return (
+        "<table style='width:96%;margin:.2em 2%;font-size:.72em;text-align:right;"
+        "font-variant-numeric:tabular-nums;border-spacing:0 .15em'>"
+        f"<thead><tr>{cells}</tr></thead><tbody>{lines}</tbody></table>"
+    )
+
+
+def side_view(flight: Trajectory) -> tuple[npt.NDArray[np.float64], ...]:
+    """Distance [m], height [cm] and speed [m/s] for the plot, evenly spaced in time."""
+    rows = np.linspace(0, len(flight.time) - 1, min(PLOT_POINTS, len(flight.time))).astype(np.intp)
+    away = np.maximum.accumulate(flight.x[rows, 0] - flight.x[0, 0])  # uPlot wants it ascending
+    return away, 100.0 * flight.x[rows, 2], np.linalg.norm(flight.velocity[rows], axis=1)
+
+
+def add_plot(gui: Any) -> Any:
+    """Path from the side and speed, empty at first."""
+    none = np.zeros(2)
+    return gui.add_uplot(
+        data=(none, none, none),
+        series=(
+            {"label": "distance m"},
+            {"label": "height cm", "stroke": "#0b7285", "width": 2, "scale": "height"},
+            {"label": "speed m/s", "stroke": "#e8590c", "width": 1.5, "scale": "speed"},
+        ),
+        scales={"x": {"time": False}, "height": {}, "speed": {}},
+        axes=(
+            {"label": "distance (m)", "size": 34, "labelSize": 16},
+            {"label": "height (cm)", "scale": "height", "stroke": "#0b7285", "size": 38},
+            {"label": "speed (m/s)", "scale": "speed", "stroke": "#e8590c", "side": 1, "size": 38,
+             "grid": {"show": False}},
+        ),
+        height=190,
+        visible=False,
+    )  # fmt: skip

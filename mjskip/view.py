@@ -1,0 +1,284 @@
+"""MuJoCo's own viewer with the stones thrown live: forces through `attach`, the water as a skin."""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Any
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+from mjskip.bodies import find_body
+from mjskip.engines import Motion, MujocoEngine
+from mjskip.errors import RenderError
+from mjskip.forces import observe, pack
+from mjskip.lakes import Lake
+from mjskip.scene import Scene
+from mjskip.simulate import SURFACES, Surface, warm_up
+from mjskip.skin import Grid, WaterSkin, add_water
+from mjskip.twoway import MovingSurface
+from mjskip.wake import give_back
+
+FPS = 60.0
+"""Frames per second at most."""
+
+MOST_AT_ONCE = 0.1
+"""Time between two frames at most [s]: on a machine that is too slow the throw is shown late instead."""
+
+Array = npt.NDArray[np.float64]
+
+WINDOW = (8.0, 6.0)
+"""Size of the water about the stone whose waves are drawn [m]."""
+
+ENTER = 257
+"""Key code of GLFW: throw again."""
+
+_HELP = (
+    "mjskip view needs a display; without one, draw a video with mjskip run --video or open mjskip play in a "
+    "browser"
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Watched:
+    """What a viewer showed.
+
+    Attributes:
+        frames: given to the viewer.
+        simulated: time that passed in the simulation [s].
+        late: how much more passed on the clock because the machine is too slow [s].
+        throws: made, the first included.
+    """
+
+    frames: int
+    simulated: float
+    late: float
+    throws: int
+
+
+def view(
+    scene: Scene,
+    *,
+    surface: Surface = "still",
+    slow: float = 1.0,
+    seconds: float = math.inf,
+    ready: Callable[[], None] | None = None,
+) -> Watched:
+    """Throw the stones of a scene in MuJoCo's viewer until its window is closed; Enter throws again.
+
+    Args:
+        scene: what to throw, and how.
+        surface: "still": stones feel the undisturbed level; "waves": the moving surface.
+        slow: how many times slower than it is.
+        seconds: close the window after this time on the clock.
+        ready: called when the window is there.
+
+    Raises:
+        ValueError: an option is not allowed.
+        RenderError: there is no display.
+        DivergedError: a force or a motion is not finite.
+    """
+    if surface not in SURFACES:
+        raise ValueError(f"surface is {surface!r}: use one of {', '.join(SURFACES)}")
+    if not 1.0 <= slow <= 1000.0:
+        raise ValueError(f"slow is {slow!r}: give how many times slower, from 1 to 1000")
+    if not seconds > 0.0:
+        raise ValueError(f"seconds is {seconds!r}: give a time above 0")
+    if surface == "waves" and scene.plugged:
+        raise ValueError("surface is 'waves': the engine plugin knows still water only")
+    check_display()
+    warm_up()
+    grid = Grid.around(step=0.03)
+    spec = mujoco.MjSpec.from_file(str(scene.path))
+    add_water(spec, grid)
+    scene = replace(scene, model=spec.compile())
+    timestep = float(scene.model.opt.timestep)
+    with MujocoEngine(scene, None, timestep, frozen_attitude=False) as engine:
+        show = _Show(scene, engine, surface, grid)
+        return _watch(show, slow=slow, seconds=seconds, ready=ready)
+
+
+def _watch(
+    show: _Show, *, slow: float, seconds: float, ready: Callable[[], None] | None
+) -> Watched:
+    import mujoco.viewer
+
+    pressed: list[int] = []
+    engine, timestep = show.engine, show.timestep
+    simulated, frames, late, throws = 0.0, 0, 0.0, 1
+    viewer = mujoco.viewer.launch_passive(
+        engine.model, engine.data, key_callback=pressed.append, show_left_ui=False,
+        show_right_ui=False,
+    )  # fmt: skip
+    with viewer:
+        with viewer.lock():
+            _aim(viewer.cam, engine.model, show.body)
+        if ready is not None:
+            ready()
+        begun = clock = time.perf_counter()
+        owed = 0.0
+        while viewer.is_running() and time.perf_counter() - begun < seconds:
+            frame_began = time.perf_counter()
+            owed += (frame_began - clock) / slow
+            clock = frame_began
+            if owed > MOST_AT_ONCE:
+                late += owed - MOST_AT_ONCE
+                owed = MOST_AT_ONCE
+            steps = int(owed / timestep)
+            owed -= steps * timestep
+            with viewer.lock():
+                if ENTER in pressed:
+                    show.throw_again()
+                    throws += 1
+                pressed.clear()
+                show.advance(steps)
+                show.draw()
+            simulated += steps * timestep
+            viewer.sync()
+            frames += 1
+            time.sleep(max(0.0, 1.0 / FPS - (time.perf_counter() - frame_began)))
+    return Watched(frames=frames, simulated=simulated, late=late, throws=throws)
+
+
+class _Show:
+    """The stones, their lake, and the skin that is the lake's picture."""
+
+    def __init__(self, scene: Scene, engine: MujocoEngine, surface: Surface, grid: Grid) -> None:
+        self.engine, self.body = engine, scene.body
+        self.timestep = float(engine.model.opt.timestep)
+        self._scene, self._surface = scene, surface
+        self._gravity = float(-engine.model.opt.gravity[2])
+        self._blocks = engine.blocks or {
+            name: pack(stone, scene.water_of(name), gravity=self._gravity)
+            for name, stone in scene.stones.items()
+        }
+        self._start = engine.data.qpos.copy(), engine.data.qvel.copy()
+        self._skin = WaterSkin(engine.model, grid)
+        # the viewer draws a skin from where the model says its vertices are bound
+        bound = engine.model.skin_vert
+        self._bound = SimpleNamespace(skinvert=bound, skinnormal=np.empty_like(bound))
+        self._flood()
+
+    def throw_again(self) -> None:
+        """Still water, and the stones as they leave the hand."""
+        model, data = self.engine.model, self.engine.data
+        mujoco.mj_resetData(model, data)
+        data.qpos[:], data.qvel[:] = self._start
+        self._flood()
+
+    def advance(self, steps: int) -> None:
+        """Move stones and water on."""
+        if not steps:
+            return
+        if self._moving is None:
+            motion = self.engine.advance(steps)
+            self._press({name: observe(self._blocks[name], motion[name]) for name in motion}, steps)
+            return
+        rows: dict[str, list[Array]] = {name: [] for name in self._blocks}
+        for _ in range(steps):
+            seen = self._moving.look(self._motion)
+            shares = self._moving.advance(self.timestep)
+            for name, row in seen.items():
+                row[0, 2] *= shares[name]
+                rows[name].append(row[0])
+            self._motion = self.engine.advance(1)
+        self._press({name: np.array(seen) for name, seen in rows.items()}, steps)
+
+    def draw(self) -> None:
+        """Write the water into the skin."""
+        mujoco.mj_forward(self.engine.model, self.engine.data)
+        x, y, _ = self.engine.data.xipos[find_body(self.engine.model, self.body)]
+        shape = tuple(int(size / self._lake.spacing) for size in WINDOW)
+        heights, at_x, at_y = self._lake.window(float(x), float(y), (shape[0], shape[1]))
+        surface = _Window(
+            elevation=heights,
+            spacing=self._lake.spacing,
+            centre=(float(at_x[[0, -1]].mean()), float(at_y[[0, -1]].mean())),
+        )
+        self._skin.draw(self._bound, surface, focus=(float(x), float(y)))
+
+    def _flood(self) -> None:
+        """Still water: that which is drawn, and over waves that which the stones feel."""
+        self._lake: Lake = self._scene.lake()
+        self._moving: MovingSurface | None = None
+        if self._surface == "waves":
+            self._moving = MovingSurface(
+                self._scene.lake(),
+                self._blocks,
+                density=self._scene.water.density,
+                gravity=self._gravity,
+            )
+            self._motion: Motion = self.engine.start()
+
+    def _press(self, seen: Motion, steps: int) -> None:
+        """Give the drawn water the reactions (steps, 17) of some steps as loads that last as long."""
+        duration = steps * self.timestep
+        for name, rows in seen.items():
+            weight = np.abs(rows[:, 2])
+            if weight.any():
+                x, y = np.average(rows[:, 13:15], axis=0, weights=weight)
+                give_back(
+                    self._lake,
+                    float(rows[:, 2].sum()) * self.timestep,
+                    duration,
+                    centre=(float(x), float(y)),
+                    wetted_area=float(np.average(rows[:, 12], weights=weight)),
+                    density=self._scene.water_of(name).density,
+                )
+        self._lake.advance(duration)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Window:
+    """The part of a lake that is drawn: a `mjskip.skin.Surface`."""
+
+    elevation: npt.NDArray[np.float32]
+    spacing: float
+    centre: tuple[float, float]
+
+
+def _aim(camera: Any, model: Any, body: str) -> None:
+    """Behind and to the right of the stone, following it."""
+    camera.type = mujoco.mjtCamera.mjCAMERA_TRACKING
+    camera.trackbodyid = find_body(model, body)
+    camera.distance, camera.azimuth, camera.elevation = 1.6, 50.0, -16.0
+
+
+def check_display() -> None:
+    """Raise unless a window can be opened here: MuJoCo's viewer would wait for ever.
+
+    Raises:
+        RenderError: what is missing, and what to do instead.
+    """
+    if sys.platform == "darwin":
+        return  # mjpython's business, which says so itself
+    if sys.platform.startswith("linux") and not (
+        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    ):
+        raise RenderError(f"there is no display here (DISPLAY is not set): {_HELP}")
+    import glfw
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # glfw's errors: what they say is not what to do
+        if not glfw.init():
+            shown = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+            raise RenderError(f"the display {shown!r} does not answer: {_HELP}")
+        try:
+            glfw.window_hint(glfw.VISIBLE, glfw.FALSE)
+            window = glfw.create_window(16, 16, "", None, None)
+            if not window:
+                raise RenderError(
+                    "the display has no OpenGL (Debian: apt install libgl1 libgl1-mesa-dri): "
+                    f"{_HELP}"
+                )
+            glfw.destroy_window(window)
+        finally:
+            glfw.terminate()
