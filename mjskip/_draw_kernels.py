@@ -105,3 +105,34 @@ def fill_skin(
             normals[n, 0] = -a * upright
             normals[n, 1] = -b * upright
             normals[n, 2] = upright
+
+
+@kernel
+def stroke(
+    cover: SingleArray, x0: float, y0: float, x1: float, y1: float, radius: float, strength: float
+) -> None:
+    """Draw a piece of a line with round ends into a coverage; pieces that overlap do not add up.
+
+    Args:
+        cover: (h, w) how much of each pixel is covered, 0 to 1; raised where the line is.
+        x0: of one end [pixels].
+        y0: of one end [pixels].
+        x1: of the other [pixels].
+        y1: of the other [pixels].
+        radius: half the width [pixels].
+        strength: 0 to 1.
+    """
+    h, w = cover.shape
+    reach = radius + 1.0
+    dx, dy = x1 - x0, y1 - y0
+    squared = dx * dx + dy * dy
+    for row in range(max(0, int(min(y0, y1) - reach)), min(h, int(max(y0, y1) + reach) + 2)):
+        for column in range(max(0, int(min(x0, x1) - reach)), min(w, int(max(x0, x1) + reach) + 2)):
+            u, v = column - x0, row - y0
+            along = 0.0
+            if squared > 0.0:
+                along = min(max((u * dx + v * dy) / squared, 0.0), 1.0)
+            off = math.sqrt((u - along * dx) ** 2 + (v - along * dy) ** 2)
+            share = strength * min(max(radius + 0.5 - off, 0.0), 1.0)
+            if share > cover[row, column]:
+                cover[row, column] = share

@@ -1,4 +1,4 @@
-"""Pictures into files: h264 video streamed to an encoder, or a folder of PNG."""
+"""Pictures into files: video streamed to an encoder, or a folder of PNG."""
 
 from __future__ import annotations
 
@@ -20,7 +20,14 @@ Image = npt.NDArray[np.uint8]
 Progress = Callable[[int, int], None]
 """Called after each picture with how many are done and how many there will be."""
 
-_SUFFIXES = (".mp4", ".mkv", ".mov")
+_H264 = ("h264", "yuv420p", "-preset veryfast -movflags +faststart")
+_KINDS = {  # codec, pixels, arguments of ffmpeg
+    ".mp4": _H264,
+    ".mkv": _H264,
+    ".mov": _H264,
+    ".webp": ("libwebp_anim", "yuv420p", "-loop 0 -compression_level 4 -quality {quality}"),
+    ".gif": ("gif", "pal8", "-loop 0"),  # mediapy picks a palette
+}
 _LARGEST = 4096  # [pixels]: the largest side of a common h264 level
 
 
@@ -47,8 +54,8 @@ def check_folder(folder: Path) -> None:
 
 def check_video_path(path: Path) -> None:
     """Raise ValueError if no video can be written under this name."""
-    if path.suffix.lower() not in _SUFFIXES:
-        raise ValueError(f"video name {path} ends in {path.suffix!r}: use {', '.join(_SUFFIXES)}")
+    if path.suffix.lower() not in _KINDS:
+        raise ValueError(f"video name {path} ends in {path.suffix!r}: use {', '.join(_KINDS)}")
     if path.is_dir():
         raise ValueError(f"video name {path} is a folder: give the name of a file")
     check_folder(path.parent)
@@ -62,11 +69,21 @@ def write_video(
     fps: float,
     total: int,
     progress: Progress | None = None,
+    quality: int = 70,
 ) -> Path:
     """Encode pictures as they come; memory does not grow with their number.
 
     The file appears under its name when it is whole: it is written beside it and renamed, and
     nothing is left behind by an error or an interrupt.
+
+    Args:
+        images: (height, width, 3) each.
+        path: .mp4, .mkv and .mov are h264; .webp and .gif move by themselves in a page.
+        size: width and height [pixels].
+        fps: frames per second.
+        total: how many there will be.
+        progress: called after each.
+        quality: of WebP, 0 to 100.
 
     Raises:
         RenderError: the encoder is missing or fails.
@@ -74,7 +91,7 @@ def write_video(
     check_video_path(path)
     check_size(size)
     check_fps(fps)
-    with whole_file(path) as part, _encoder(part, size, fps) as add:
+    with whole_file(path) as part, _encoder(part, size, fps, quality) as add:
         for done, image in enumerate(images, start=1):
             add(image)
             if progress is not None:
@@ -119,18 +136,21 @@ def ffmpeg() -> str:
 
 
 @contextlib.contextmanager
-def _encoder(path: Path, size: tuple[int, int], fps: float) -> Iterator[Callable[[Image], Any]]:
+def _encoder(
+    path: Path, size: tuple[int, int], fps: float, quality: int
+) -> Iterator[Callable[[Image], Any]]:
     import mediapy
 
     mediapy.set_ffmpeg(ffmpeg())
+    codec, pixels, arguments = _KINDS[path.suffix.lower()]
     writer = mediapy.VideoWriter(
         path,
         (size[1], size[0]),
-        codec="h264",
+        codec=codec,
         fps=fps,
-        crf=18,
-        encoded_format="yuv420p",
-        ffmpeg_args="-preset veryfast -movflags +faststart",
+        crf=18 if codec == "h264" else None,
+        encoded_format=pixels,
+        ffmpeg_args=arguments.format(quality=quality),
     )
     writer.__enter__()
     process = writer._popen  # mediapy leaves it running when it raises

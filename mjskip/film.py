@@ -1,0 +1,148 @@
+"""Films and pictures made of several: a duel side by side, and a strip of moments."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Generator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from mjskip.files import whole_file
+from mjskip.overlay import caption
+from mjskip.render import Flights, Shot, frames, shot_times
+from mjskip.trajectory import Trajectory
+from mjskip.video import Image, Progress, check_folder, check_video_path, write_video
+
+if TYPE_CHECKING:
+    from mjskip.scene import Scene
+
+Array = npt.NDArray[np.float64]
+
+_GAP = 4  # pixels between the pictures of a strip
+_ROW = 4  # most pictures side by side
+_PAPER = 250  # grey between them
+
+
+def render_duel(
+    sides: Mapping[str, tuple[Scene, Flights]],
+    path: str | Path,
+    *,
+    progress: Progress | None = None,
+    **shot: Any,
+) -> Path:
+    """Write a film of two throws side by side, each on its own water, from the same moment on.
+
+    Args:
+        sides: scene and motion of the left and of the right, by their titles.
+        path: .mp4, .mkv, .mov, .webp or .gif in a folder that exists.
+        progress: called with the frames done and to do.
+        **shot: as for `mjskip.render.Shot`; size is that of each half.
+
+    Raises:
+        ValueError: there are not two sides, or a setting cannot be used.
+        SceneError: a scene has no such camera or body.
+        RenderError: OpenGL or the encoder is missing or fails.
+    """
+    if len(sides) != 2:
+        raise ValueError(f"a duel has two sides with different titles, not {len(sides)}")
+    path = Path(path)
+    check_video_path(path)
+    plan = Shot(**shot)
+    total = max(len(shot_times(flights, plan)) for _, flights in sides.values())
+    images = _pairs(sides, total, plan, shot)
+    with contextlib.closing(images):
+        size = (2 * plan.size[0], plan.size[1])
+        return write_video(images, path, size=size, fps=plan.fps, total=total, progress=progress)
+
+
+def _pairs(
+    sides: Mapping[str, tuple[Scene, Flights]], total: int, plan: Shot, shot: Mapping[str, Any]
+) -> Generator[Image, None, None]:
+    with contextlib.ExitStack() as stack:
+        films = []
+        for scene, flights in sides.values():
+            times = shot_times(flights, plan)[0] + np.arange(total) / (plan.fps * plan.slow)
+            films.append(
+                stack.enter_context(contextlib.closing(frames(scene, flights, times=times, **shot)))
+            )
+        for pair in zip(*films, strict=True):
+            for title, image in zip(sides, pair, strict=True):
+                caption(image, title, corner="top")
+            both = np.concatenate(pair, axis=1)
+            both[:, plan.size[0] - 1 : plan.size[0] + 1] = _PAPER
+            yield both
+
+
+def render_strip(
+    scene: Scene,
+    trajectory: Flights,
+    path: str | Path,
+    *,
+    moments: int = 6,
+    progress: Progress | None = None,
+    **shot: Any,
+) -> Path:
+    """Write equally spaced moments of a throw as one PNG, in rows of four at most.
+
+    Args:
+        scene: where it was thrown.
+        trajectory: what the stones did.
+        path: .png in a folder that exists.
+        moments: how many, at least 1; from the release to the end of the film.
+        progress: called with the pictures done and to do.
+        **shot: as for `mjskip.render.Shot`; size is that of each picture.
+    """
+    path = Path(path)
+    if path.suffix.lower() != ".png":
+        raise ValueError(f"picture name {path} ends in {path.suffix!r}: use .png")
+    check_folder(path.parent)
+    if not 1 <= moments <= 100:
+        raise ValueError(f"moments is {moments!r}: give a whole number from 1 to 100")
+    plan = Shot(**shot)
+    film = shot_times(trajectory, plan)
+    times = np.linspace(film[0], film[-1], moments) if moments > 1 else film[:1]
+    pictures = []
+    images = frames(scene, trajectory, times=times, **shot)
+    with contextlib.closing(images):
+        for done, (time, image) in enumerate(zip(times, images, strict=True), start=1):
+            caption(image, f"{time - film[0]:.2f} s", corner="top")
+            pictures.append(image)
+            if progress is not None:
+                progress(done, moments)
+    import mediapy
+
+    with whole_file(path) as part:
+        mediapy.write_image(part, compose(pictures))
+    return path
+
+
+def compose(pictures: Sequence[Image]) -> Image:
+    """Equal pictures as one, in rows of four at most, the rows as even as they can be."""
+    rows = -(-len(pictures) // _ROW)
+    columns = -(-len(pictures) // rows)
+    high, wide, _ = pictures[0].shape
+    sheet: Image = np.full(
+        (rows * (high + _GAP) - _GAP, columns * (wide + _GAP) - _GAP, 3), _PAPER, np.uint8
+    )
+    for number, picture in enumerate(pictures):
+        top, left = (number // columns) * (high + _GAP), (number % columns) * (wide + _GAP)
+        sheet[top : top + high, left : left + wide] = picture
+    return sheet
+
+
+def duel_of(
+    scene: Scene, trajectories: Mapping[str, Trajectory]
+) -> dict[str, tuple[Scene, Flights]]:
+    """The two stones of a scene, each alone on its water, for `render_duel`.
+
+    Raises:
+        ValueError: the scene has not two stones.
+    """
+    if len(trajectories) != 2:
+        raise ValueError(
+            f"side by side needs a scene with two stones, such as duel: this one has {len(trajectories)}"
+        )
+    return {name: (scene, {name: flight}) for name, flight in trajectories.items()}
