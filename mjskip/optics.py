@@ -289,7 +289,7 @@ def _ground() -> SingleArray:
     at = random.uniform(0.0, n, (count, 2))
     rows, columns = np.meshgrid(np.arange(n) + 0.5, np.arange(n) + 0.5, indexing="ij")
     wobble = np.stack([rows + 1.5 * noise(5.0), columns + 1.5 * noise(5.0)], axis=-1) % n
-    found = cKDTree(at, boxsize=[float(n), float(n)]).query(wobble, k=2)
+    found = cKDTree(at, boxsize=np.array([n, n])).query(wobble, k=2)
     distance, nearest = np.asarray(found[0]), np.asarray(found[1])
     rim = distance[..., 1] - distance[..., 0]  # 0 where two pebbles would touch
     which = nearest[..., 0]

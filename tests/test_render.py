@@ -39,9 +39,8 @@ def test_rings_show(look):
     still = picture(surface=water, look=look)
     water.displace(-3.9, 0.1, height=0.02, radius=0.05)
     water.advance(0.1)
-    assert (
-        np.abs(picture(surface=water, look=look) - still).max() > 40
-    )  # of 255: a ring anyone can see
+    # a tenth of 255, in a small picture: a ring anyone can see
+    assert np.abs(picture(surface=water, look=look) - still).max() > 25
 
 
 @pytest.mark.parametrize("look", stage.LOOKS)

@@ -4,34 +4,22 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import click
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    ProgressColumn,
-    Task,
-    TextColumn,
-    TimeRemainingColumn,
-)
 from rich.table import Table
-from rich.text import Text
 
 from mjskip import __version__
-from mjskip.cli.options import Size, chosen_scene, throw_options
+from mjskip.cli.filming import FILMING, check_film, check_stage, film, film_options
+from mjskip.cli.options import chosen_scene, throw_options
 from mjskip.recording import Limits
-from mjskip.render import check_camera, gl_renderer, is_software, render_frames, render_video
 from mjskip.scene import Scene
 from mjskip.simulate import ENGINES, SURFACES, simulate_all
 from mjskip.throw import Throw
 from mjskip.trajectory import Trajectory
-from mjskip.video import check_folder, check_size, check_video_path
+from mjskip.video import check_folder
 
 out = Console(highlight=False)
 err = Console(stderr=True, highlight=False)
@@ -56,15 +44,7 @@ err = Console(stderr=True, highlight=False)
 )
 @click.option("--own-dent", is_flag=True, help="Over waves, stones feel their own dent too.")
 @click.option("--frozen-attitude", is_flag=True, help="No spin, and the stone cannot turn.")
-@click.option(
-    "--video", type=click.Path(path_type=Path), metavar="FILE", help="Write an h264 video."
-)
-@click.option(
-    "--frames", type=click.Path(path_type=Path), metavar="FOLDER", help="Write PNG frames."
-)
-@click.option("--camera", default="side", show_default=True, metavar="NAME")
-@click.option("--size", type=Size(), default="640x480", show_default=True)
-@click.option("--fps", type=float, default=30.0, show_default=True)
+@film_options
 @click.option("--save", type=click.Path(path_type=Path), metavar="FILE", help="Write NetCDF.")
 @click.option(
     "--json", "as_json", is_flag=True, help="One JSON object on stdout instead of a table."
@@ -77,27 +57,19 @@ def run(
     surface: Any,
     own_dent: bool,
     frozen_attitude: bool,
-    video: Path | None,
-    frames: Path | None,
-    camera: str,
-    size: tuple[int, int],
-    fps: float,
     save: Path | None,
     as_json: bool,
-    **throw: Any,
+    **options: Any,
 ) -> None:
     """Throw the stone of SCENE (an MJCF file or a shipped scene) and count its skips."""
-    if video is not None:
-        check_video_path(video)
-    if frames is not None:
-        check_folder(frames)
+    filming = {name: options.pop(name) for name in FILMING}
+    check_film(filming)
     if save is not None:
         check_folder(save.parent)
-    check_size(size)
     limits = Limits(duration=duration)
     with err.status("preparing: the first run on a machine compiles for some seconds"):
-        scene = chosen_scene(**throw)
-        check_camera(scene.model, camera)
+        scene = chosen_scene(**options)
+        check_stage(scene, filming)
         trajectories = simulate_all(
             scene,
             engine=engine,
@@ -120,16 +92,7 @@ def run(
     if save is not None:
         chosen.save(save)
         err.print(f"saved {save}")
-    if video is not None or frames is not None:
-        renderer = gl_renderer()
-        slow = "  (software: slow; a GPU driver with EGL would draw faster)"
-        err.print(f"drawing with {renderer}{slow if is_software(renderer) else ''}")
-        options: dict[str, Any] = {"camera": camera, "size": size, "fps": fps}
-        for target, draw in ((video, render_video), (frames, render_frames)):
-            if target is not None:
-                with _bar(str(target)) as progress:
-                    draw(scene, trajectories, target, **options, progress=progress)
-                err.print(f"wrote {target}")
+    film(scene, trajectories, filming)
 
 
 def report(scene: Scene, trajectory: Trajectory) -> dict[str, Any]:
@@ -223,28 +186,3 @@ def verdict(trajectory: Trajectory) -> str:
         f"{1e3 * trajectory.attributes['timestep']:g} ms steps, "
         f"{trajectory.time[-1]:.2f} s simulated in {wall:.2f} s[/]\n"
     )
-
-
-@contextmanager
-def _bar(label: str) -> Iterator[Callable[[int, int], None]]:
-    """A progress bar on stderr: call what is yielded with the frames done and to do."""
-    with Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("frames"),
-        _Rate(),
-        TimeRemainingColumn(),
-        console=err,
-        transient=True,
-    ) as progress:
-        task = progress.add_task(label, total=None)
-        yield lambda done, total: progress.update(task, completed=done, total=total)
-
-
-class _Rate(ProgressColumn):
-    """Frames per second."""
-
-    def render(self, task: Task) -> Text:
-        """The rate of a task as text."""
-        return Text(f"{task.speed:.0f}/s" if task.speed else "")

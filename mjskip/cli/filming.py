@@ -1,0 +1,160 @@
+"""Options about films and pictures, and drawing them with a progress bar."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TextColumn,
+    TimeRemainingColumn,
+)
+from rich.text import Text
+
+from mjskip.cli.options import Size
+from mjskip.film import duel_of, render_duel, render_strip
+from mjskip.render import (
+    LOOKS,
+    Shot,
+    check_camera,
+    gl_renderer,
+    is_software,
+    render_frames,
+    render_video,
+)
+from mjskip.scene import Scene
+from mjskip.trajectory import Trajectory
+from mjskip.video import check_folder, check_video_path
+
+F = TypeVar("F", bound=Callable[..., Any])
+FILE = click.Path(path_type=Path)
+TARGETS = ("video", "frames", "strip", "picture", "side_by_side")
+FILMING = (*TARGETS, *(field.name for field in fields(Shot)))
+
+err = Console(stderr=True, highlight=False)
+
+
+def film_options(function: F) -> F:
+    """What to draw and how: together, what `check_film` and `film` take."""
+    decorators = [
+        click.option(
+            "--video", type=FILE, metavar="FILE", help="Write a video: .mp4 (h264), .webp, .gif."
+        ),
+        click.option("--frames", type=FILE, metavar="FOLDER", help="Write PNG frames."),
+        click.option(
+            "--strip", type=click.IntRange(1, 100), metavar="N", help="Write N moments in one picture."
+        ),
+        click.option(
+            "--picture", type=FILE, default="strip.png", show_default=True, metavar="FILE",
+            help="Where --strip writes.",
+        ),
+        click.option("--side-by-side", is_flag=True, help="Each of two stones in its own half."),
+        click.option("--camera", default="side", show_default=True, metavar="NAME"),
+        click.option("--size", type=Size(), default="640x480", show_default=True),
+        click.option("--fps", type=float, default=30.0, show_default=True),
+        click.option("--look", type=click.Choice(LOOKS), default="shaded", show_default=True),
+        click.option(
+            "--slow", type=float, default=1.0, show_default=True, metavar="N",
+            help="Slow motion: N times slower.",
+        ),
+        click.option(
+            "--linger", type=float, default=1.0, show_default=True, metavar="S",
+            help="Seconds of film with the rings after the throw.",
+        ),
+        click.option("--trail/--no-trail", default=True, help="The stone's path, fading."),
+        click.option("--marks/--no-marks", default=True, help="Rings where it touched."),
+        click.option("--caption/--no-caption", default=True, help="Speed, spin and skips."),
+    ]  # fmt: skip
+    for decorator in reversed(decorators):
+        function = decorator(function)
+    return function
+
+
+def check_film(options: Mapping[str, Any]) -> None:
+    """Refuse what cannot be drawn before anything is computed."""
+    _shot(options)
+    if options["video"] is not None:
+        check_video_path(options["video"])
+    if options["frames"] is not None:
+        check_folder(options["frames"])
+    if options["strip"] is not None:
+        check_folder(options["picture"].parent)
+        if options["picture"].suffix.lower() != ".png":
+            raise ValueError(f"picture name {options['picture']}: use .png")
+    if options["side_by_side"] and options["video"] is None:
+        raise ValueError("--side-by-side is about a video: give --video too")
+
+
+def check_stage(scene: Scene, options: Mapping[str, Any]) -> None:
+    """Refuse a camera that the scene lacks, and a duel without two stones."""
+    check_camera(scene.model, options["camera"])
+    if options["side_by_side"]:
+        duel_of(scene, dict.fromkeys(scene.throws))  # type: ignore[arg-type]
+
+
+def film(scene: Scene, trajectories: Mapping[str, Trajectory], options: Mapping[str, Any]) -> None:
+    """Draw all that was asked for."""
+    if all(options[name] is None for name in ("video", "frames", "strip")):
+        return
+    renderer = gl_renderer()
+    slow = "  (software: slow; a GPU driver with EGL would draw faster)"
+    err.print(f"drawing with {renderer}{slow if is_software(renderer) else ''}")
+    shot = _shot(options)
+    if options["video"] is not None:
+        with _bar(options["video"]) as progress:
+            if options["side_by_side"]:
+                sides = duel_of(scene, trajectories)
+                render_duel(sides, options["video"], progress=progress, **shot)
+            else:
+                render_video(scene, trajectories, options["video"], progress=progress, **shot)
+    if options["frames"] is not None:
+        with _bar(options["frames"]) as progress:
+            render_frames(scene, trajectories, options["frames"], progress=progress, **shot)
+    if options["strip"] is not None:
+        with _bar(options["picture"]) as progress:
+            moments = options["strip"]
+            render_strip(
+                scene, trajectories, options["picture"], moments=moments, progress=progress, **shot
+            )
+
+
+def _shot(options: Mapping[str, Any]) -> dict[str, Any]:
+    chosen = {key: value for key, value in options.items() if key not in TARGETS}
+    Shot(**chosen)
+    return chosen
+
+
+@contextmanager
+def _bar(target: Path) -> Iterator[Callable[[int, int], None]]:
+    """A progress bar on stderr: call what is yielded with the frames done and to do."""
+    with Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("frames"),
+        _Rate(),
+        TimeRemainingColumn(),
+        console=err,
+        transient=True,
+    ) as progress:
+        task = progress.add_task(str(target), total=None)
+        yield lambda done, total: progress.update(task, completed=done, total=total)
+    err.print(f"wrote {target}")
+
+
+class _Rate(ProgressColumn):
+    """Frames per second."""
+
+    def render(self, task: Task) -> Text:
+        """The rate of a task as text."""
+        return Text(f"{task.speed:.0f}/s" if task.speed else "")
