@@ -22,6 +22,7 @@ TRAIL = 0.35
 _STEPS = 70  # pieces of the trail
 _RING = 0.10  # [m] radius of the mark of a touch
 _AROUND = 40
+_SHALLOW = 0.02  # [m]
 _COLOURS = ((255, 236, 170), (170, 220, 255), (255, 190, 170), (190, 255, 190))
 
 
@@ -83,13 +84,16 @@ class Overlay:
         """A line through points in the world, each piece as strong as given."""
         high, wide = cover.shape
         place, ahead = eye.project(points)
+        # seen through the surface it would be elsewhere
+        same_side = points[:, 2] > -_SHALLOW if eye.position[2] > 0.0 else points[:, 2] < _SHALLOW
         with np.errstate(invalid="ignore"):
             pixels = np.column_stack(
                 [0.5 * (place[:, 0] + 1.0) * wide - 0.5, 0.5 * (1.0 - place[:, 1]) * high - 0.5]
             )
         for k in range(len(points) - 1):
             ends = pixels[k : k + 2]
-            if min(ahead[k], ahead[k + 1]) > 0.02 and np.abs(ends).max() < 4.0 * wide:
+            seen = same_side[k] and same_side[k + 1] and min(ahead[k], ahead[k + 1]) > 0.02
+            if seen and np.abs(ends).max() < 4.0 * wide:
                 (x0, y0), (x1, y1) = ends.tolist()
                 stroke(cover, x0, y0, x1, y1, radius, float(strength[k]))
 

@@ -16,6 +16,7 @@ COMMANDS = {
     "compare": "The same throw by MuJoCo and by the pure integrator, over a ladder of time steps.",
     "sweep": "Throws over a grid of parameters: most skips, where they skip, how surely.",
     "optimize": "The best throw within a thrower's limits, for a hand that strays.",
+    "plot": "A page of curves about saved throws (extra: plot).",
     "play": "A page in the browser where you throw (extra: play).",
     "view": "MuJoCo's own viewer with the water, live.",
     "info": "Versions, OpenGL renderer, ffmpeg, threads, shipped scenes.",
