@@ -276,6 +276,9 @@ def fly(
     steps = try_again = 0
     time = last_time = last_clear = since_dry = since_fast = entered = left = 0.0
     became_dry = np.nan
+    floor = (
+        np.nan
+    )  # height below which the centre of a flying stone may bring its rim into the water
     guess = np.inf  # length of a long step that may do
     touching = False  # wet now
     pending = False  # a touch is over, unless the next begins too soon
@@ -296,6 +299,7 @@ def fly(
 
         # touches, as `recording.find_contacts` has them
         if clear < 0.0:
+            floor = np.nan
             if not touching:
                 touching = True
                 landed = False
@@ -354,7 +358,8 @@ def fly(
         steps += 1
         length = 0.0
         if gentle > 0.0 and clear >= 0.0:
-            floor = drop(y, state, body)
+            if math.isnan(floor):  # the same for as long as it flies: L is constant
+                floor = drop(y, state, body)
             if state[2] > floor and steps >= try_again:
                 longest = until_floor(state[2] - floor, state[14], k[0, 9] / body[MASS])
                 longest = min(0.999 * longest, rules[DURATION] - time, guess)
@@ -367,7 +372,7 @@ def fly(
         if length == 0.0:
             length = timestep if gentle == 0.0 else min(timestep, rules[DURATION] - time)
             step(wrench, block, body, rules, y, k, length, scratch, fresh)
-            if gentle > 0.0 and clear >= 0.0 and not landed:
+            if gentle > 0.0 and clear >= 0.0 and not landed and fresh[2] <= floor:
                 motion(fresh, body, state)
                 after = clearance(state, vertices, body)
                 if after < 0.0:
