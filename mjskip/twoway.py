@@ -13,6 +13,8 @@ makes its own dent. The equation is linear, so the response to the current touch
 lake of its own, which merges into the common one when the stone has left. A stone feels the common lake and
 the other stones' touches, and its own dent only if asked to.
 
+Water that nobody is near catches up in longer steps: between two of them a wave moves by less than a cell.
+
 Energy (linear theory) goes into the waves at the rate -integral of p z_t. It exceeds what the stone lost
 only where the surface under a face outruns the face: there the head is cut down until it does not, exactly
 for the discrete step.
@@ -28,12 +30,12 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip import _force_kernels as kernels
+from mjskip._stencil import SAFE_FRACTION
 from mjskip.forces import observe
 from mjskip.lakes import Lake
+from mjskip.waves.dense import Head
 
 Array = npt.NDArray[np.float64]
-Head = tuple[npt.NDArray[np.float32], int, int]
-"""Heights (nx, ny) [m] of a load on the water, and its first cell."""
 
 MERGE_AFTER = 0.010
 """Dry time after which a touch is over and its waves are the lake's [s]."""
@@ -94,12 +96,12 @@ class MovingSurface:
         """
         self.lake = lake
         self.balance = Balance()
+        self._common = _Water(lake)
         self._stones = {name: _Stone(block, lake) for name, block in blocks.items()}
-        self._head = strength / (density * gravity * lake.spacing**2)
+        self._waters = [self._common, *(stone.own for stone in self._stones.values())]
         self._weight = density * gravity * lake.spacing**2
+        self._strength = strength
         self._own_dent = own_dent
-        self._pending = 0.0
-        self._highest = lake.highest
 
     def look(self, states: Mapping[str, Array]) -> dict[str, Array]:
         """Copy the surface around every stone and observe the forces there.
@@ -110,17 +112,17 @@ class MovingSurface:
         Returns:
             (1, 17) by name, as `mjskip.forces.observe`.
         """
-        near = {n: s for n, s in self._stones.items() if states[n][0, 2] < self._reach(s)}
-        if near:
-            self._catch_up()
+        reach = NEAR + 2.0 * sum(water.highest for water in self._waters)
+        self._states = {name: states[name][0] for name in states}
+        self._seen = {}
         for name, stone in self._stones.items():
-            if name in near:
-                others = [s.own for n, s in self._stones.items() if n != name or self._own_dent]
-                stone.copy_patch(states[name][0], [self.lake, *others])
+            stone.felt.clear()
+            if self._states[name][2] < stone.radius + reach:
+                own = None if self._own_dent else stone.own
+                stone.copy_patch(self._states[name], [w for w in self._waters if w is not own])
             else:
                 stone.forget_patch()
-        self._seen = {name: observe(s.block, states[name]) for name, s in self._stones.items()}
-        self._states = {name: states[name][0] for name in states}
+            self._seen[name] = observe(stone.block, states[name])
         return self._seen
 
     def advance(self, timestep: float) -> dict[str, float]:
@@ -129,146 +131,148 @@ class MovingSurface:
         Returns:
             The share of each stone's reaction that the water was given, by name: 1 where not cut down.
         """
-        loaded = {n: s for n, s in self._stones.items() if self._seen[n][0, 2] != 0.0}
+        moved: list[_Water] = []
+        loads: list[tuple[str, _Stone, Head]] = []
         for name, stone in self._stones.items():
-            stone.dry_for = 0.0 if self._seen[name][0, 16] < 0.0 else stone.dry_for + timestep
+            seen = self._seen[name][0]
+            stone.dry_for = 0.0 if seen[16] < 0.0 else stone.dry_for + timestep
             if stone.touching and stone.dry_for >= MERGE_AFTER:
-                self._catch_up()
-                self.lake.absorb(stone.own)
-                stone.touching = False
+                self._merge(stone)
+            head = self._head(seen) if seen[2] != 0.0 else None
+            if head is not None:
+                stone.own.catch_up()
+                loads.append((name, stone, head))
+                moved = list(dict.fromkeys([*moved, stone.own, *stone.felt]))
+        for water in self._waters:
+            if water in moved:
+                water.lake.step(timestep)
+            else:
+                water.wait(timestep)
         shares = dict.fromkeys(self._stones, 1.0)
-        if not loaded:
-            self._pending += timestep  # nobody looks: the water catches up in longer steps
-            return shares
-        self._catch_up()
-        fields = [self.lake, *(s.own for s in self._stones.values())]
-        heads = {name: self._load(name, stone) for name, stone in loaded.items()}
-        before = {name: _gather(fields, head) for name, head in heads.items()}
-        for field in fields:
-            field.step(timestep)
-        for name, stone in loaded.items():
-            shares[name] = self._press(name, stone, fields, heads[name], before[name], timestep)
-            stone.touching = True
+        for name, stone, head in loads:
+            shares[name] = self._press(name, stone, head, moved, timestep)
         return shares
 
     def settle(self) -> None:
         """Bring the lake to the present and merge every touch into it: to look at it as a whole."""
-        self._catch_up()
+        self._common.catch_up()
         for stone in self._stones.values():
             if stone.touching:
-                self.lake.absorb(stone.own)
-                stone.touching = False
+                self._merge(stone)
 
-    def _reach(self, stone: _Stone) -> float:
-        """Height of the centre of mass below which a stone might touch [m]."""
-        return float(stone.block[kernels.RADIUS]) + NEAR + 2.0 * self._highest
+    def _merge(self, stone: _Stone) -> None:
+        """A touch is over: its waves are the lake's."""
+        self._common.catch_up()
+        stone.own.catch_up()
+        self.lake.absorb(stone.own.lake)
+        self._common.measure()
+        stone.own.measure()
+        stone.touching = False
 
-    def _catch_up(self) -> None:
-        if self._pending > 0.0:
-            for field in [self.lake, *(s.own for s in self._stones.values())]:
-                field.advance(self._pending)
-            self._pending = 0.0
-            self._highest = sum(
-                f.highest for f in (self.lake, *(s.own for s in self._stones.values()))
-            )
-
-    def _load(self, name: str, stone: _Stone) -> Head:
-        """The head (nx, ny) [m] of a stone's reaction and its first cell."""
-        seen = self._seen[name][0]
+    def _head(self, seen: Array) -> Head | None:
+        """The head of a stone's reaction."""
         radius = math.sqrt(max(float(seen[12]), 0.0) / math.pi)
-        found = self.lake.head(
+        return self.lake.head(
             float(seen[13]),
             float(seen[14]),
             radius=max(radius, 1e-9),
-            volume=self._head * float(seen[2]),
+            volume=self._strength * float(seen[2]) / self._weight,
         )
-        return found or (np.zeros((0, 0), np.float32), 0, 0)
 
     def _press(
-        self,
-        name: str,
-        stone: _Stone,
-        fields: list[Lake],
-        head: Head,
-        before: Array,
-        timestep: float,
+        self, name: str, stone: _Stone, head: Head, moved: list[_Water], timestep: float
     ) -> float:
-        """Press one head on the water after its free step; the share of it that was pressed.
-
-        With heads h, the waves gain W = -rho g d^2 sum h (z+ - z) over the step. The free step gives
-        z+ - z = D; a share s of the head adds s L(h), so W(s) = -rho g d^2 (s sum h D + s^2 sum h L(h)).
-        """
+        """Press one head on the water after its free step; the share of it that was pressed."""
         seen, state = self._seen[name][0], self._states[name]
         # what the paper's gate gives to a stone is not the waves' to give: they lose nothing for it
         loss = -timestep * float(seen[0:3] @ state[12:15] + seen[3:6] @ state[15:18])
         loss = max(loss, 0.0)
-        heights, i, j = head
-        bent = stone.own.bend(heights, timestep)
-        core = bent[1:-1, 1:-1]
-        linear = -self._weight * float(np.sum(heights * (_gather(fields, head) - before)))
-        square = -self._weight * float(np.sum(heights * core))
-        share = _largest_share(linear, square, loss)
-        stone.own.add_elevation(np.float32(share) * bent, i - 1, j - 1)
-        balance = self.balance
+        work = sum(water.lake.work_under(head) for water in moved if water.lake.awake_tiles)
+        share, gained = stone.own.lake.press_after(
+            head, timestep, weight=self._weight, work=work, loss=loss
+        )
+        stone.touching = True
+        balance, impulse = self.balance, timestep * float(seen[2])
         balance.loads += 1
         balance.limited += share < 1.0
         balance.lost += loss
-        balance.gained += share * linear + share**2 * square
-        balance.taken += timestep * float(seen[2])
-        balance.given += share * timestep * float(seen[2])
+        balance.gained += gained
+        balance.taken += impulse
+        balance.given += share * impulse
         return share
 
 
+class _Water:
+    """A lake that may be behind the time, by less than its largest step.
+
+    Attributes:
+        highest: greatest |elevation| when it last caught up [m].
+    """
+
+    def __init__(self, lake: Lake) -> None:
+        self.lake = lake
+        self._behind = 0.0
+        self._patience = SAFE_FRACTION * lake.max_timestep
+        self.measure()
+
+    def wait(self, timestep: float) -> None:
+        """Let time pass [s]."""
+        if self._behind + timestep > self._patience:
+            self.catch_up()
+        self._behind += timestep
+
+    def catch_up(self) -> None:
+        """Come to the present."""
+        if self._behind > 0.0:
+            self.lake.advance(self._behind)
+            self._behind = 0.0
+            self.measure()
+
+    def measure(self) -> None:
+        """How high the waves are now."""
+        self.highest = self.lake.highest
+
+
 class _Stone:
-    """A stone's block, its patch of surface, and the waves of its current touch."""
+    """A stone's block, its patch of surface, and the waves of its current touch.
+
+    Attributes:
+        felt: waters that move in its patch.
+    """
 
     def __init__(self, block: Array, lake: Lake) -> None:
         self.block = block
-        self.own = lake.sibling()
+        self.own = _Water(lake.sibling())
+        self.felt: list[_Water] = []
         self.touching = False
         self.dry_for = math.inf
-        half = math.ceil(block[kernels.RADIUS] / lake.spacing) + MARGIN
-        self._side = 2 * half + 1
-        self._patch = np.zeros(kernels.PATCH_POINTS + 2 * self._side**2)
+        self.radius = float(block[kernels.RADIUS])
+        half = math.ceil(self.radius / lake.spacing) + MARGIN
+        self._side = side = 2 * half + 1
+        self._patch = np.zeros(kernels.PATCH_POINTS + 2 * side**2)
+        self._points = self._patch[kernels.PATCH_POINTS :].reshape(2, side, side)
         self._patch[kernels.PATCH_RATE] = 1.0 / lake.spacing
-        self._patch[kernels.PATCH_NX] = self._patch[kernels.PATCH_NY] = self._side
+        self._patch[kernels.PATCH_NX] = self._patch[kernels.PATCH_NY] = side
         self._address = np.array([self._patch.ctypes.data], dtype=np.int64).view(np.float64)[0]
 
-    def copy_patch(self, state: Array, fields: list[Lake]) -> None:
-        """The sum of some waters around a state."""
-        side, patch = self._side, self._patch
-        points = patch[kernels.PATCH_POINTS :].reshape(2, side, side)
-        points[...] = 0.0
-        moving = [field for field in fields if field.awake_tiles]
-        if not moving:
-            self.forget_patch()
-            return
-        for field in moving:
-            x, y = field.add_block(float(state[0]), float(state[1]), points)
-        patch[kernels.PATCH_X], patch[kernels.PATCH_Y] = x, y
-        patch[kernels.PATCH_HIGHEST] = np.abs(points[0]).max()
+    def copy_patch(self, state: Array, waters: list[_Water]) -> None:
+        """The sum of some waters around a state; still water if none moves there."""
+        lake, side, patch = self.own.lake, self._side, self._patch
+        at = lake.cell_at(float(state[0]), float(state[1]))
+        if not all(map(math.isfinite, at)):
+            return self.forget_patch()
+        i, j = round(at[0]) - side // 2, round(at[1]) - side // 2
+        self.felt += [water for water in waters if water.lake.stirs(i, j, side)]
+        if not self.felt:
+            return self.forget_patch()
+        self._points[...] = 0.0
+        for water in self.felt:
+            water.catch_up()
+            patch[kernels.PATCH_HIGHEST] = water.lake.add_to_patch(i, j, self._points)
+        patch[kernels.PATCH_X], patch[kernels.PATCH_Y] = lake.place_of(i, j)
         self.block[kernels.SURFACE] = self._address
+        return None
 
     def forget_patch(self) -> None:
         """Still water."""
         self.block[kernels.SURFACE] = 0.0
-
-
-def _gather(fields: list[Lake], head: Head) -> Array:
-    """The sum of the elevations under a head."""
-    heights, i, j = head
-    total = np.zeros(heights.shape)
-    for field in fields:
-        if field.awake_tiles:
-            total += field.cells(i, j, heights.shape)
-    return total
-
-
-def _largest_share(linear: float, square: float, loss: float) -> float:
-    """Largest s in [0, 1] with s linear + s^2 square <= loss; square and loss are at least 0."""
-    if linear + square <= loss:
-        return 1.0
-    root = math.sqrt(linear * linear + 4.0 * square * loss)
-    if linear > 0.0:
-        return 2.0 * loss / (linear + root)
-    return 0.5 * (root - linear) / square

@@ -12,13 +12,14 @@ from scipy.fft import dctn
 
 from mjskip import Limits, Stone, Throw, Water, load_scene, simulate
 from mjskip import _force_kernels as kernels
+from mjskip._touch_kernels import largest_share
 from mjskip.attitude import matrices
 from mjskip.forces import observe, pack, pack_states
 from mjskip.lakes import Lake
 from mjskip.reference import Integrator
 from mjskip.simulate import simulate_all
 from mjskip.throw import State
-from mjskip.twoway import MovingSurface, _largest_share
+from mjskip.twoway import MovingSurface
 
 DENSITY = 1000.0
 
@@ -134,7 +135,7 @@ def test_the_gain_is_counted_as_the_waves_have_it():
 
 @given(st.floats(-1, 1), st.floats(0, 1), st.floats(0, 1))
 def test_the_share_is_the_largest_that_the_stone_can_pay_for(linear, square, loss):
-    share = _largest_share(linear, square, loss)
+    share = largest_share(linear, square, loss)
     cost = share * linear + share**2 * square
     assert 0.0 <= share <= 1.0
     assert cost <= loss + 1e-12
@@ -301,7 +302,7 @@ def test_a_stone_feels_the_waves_of_another_and_not_its_own():
         run.surface.advance(run.timestep)
         run.states["maker"] = run.stones["maker"].advance(1)
     seen = run.surface.look(run.states)
-    own = run.surface._stones["maker"].own
+    own = run.surface._stones["maker"].own.lake
     assert abs(own.highest) > 5e-3
     assert not lake.highest  # the touch is not over
     # lowest point of the flat disc over the highest water under its rim
@@ -321,7 +322,7 @@ def test_when_a_touch_is_over_its_waves_are_the_lakes_and_it_is_felt_by_its_make
         run.surface.look(run.states)
         run.surface.advance(run.timestep)
     assert run.surface.lake.highest > 1e-3
-    assert run.surface._stones["stone"].own.awake_tiles == 0
+    assert run.surface._stones["stone"].own.lake.awake_tiles == 0
     run.states["stone"][0, :3] = 0.0, 0.0, 0.0
     seen = run.surface.look(run.states)["stone"]
     still = observe(pack(DISC, Water(air_density=0.0, gate="local")), run.states["stone"])

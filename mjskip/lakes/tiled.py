@@ -1,0 +1,283 @@
+"""Storage and stepping of tiles: pools of two levels, who is whose neighbour, waking and sleeping."""
+
+import math
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from mjskip import _tile_kernels as tiles
+from mjskip import _wave_kernels as kernels
+from mjskip._grid import free_memory
+from mjskip._stencil import COURANT_LIMITS, SAME_STEP, WEIGHTS, calming
+from mjskip.errors import MjskipError
+from mjskip.waves import SurfaceArray
+from mjskip.waves.dense import Head
+
+TILE = tiles.TILE
+STEPS_BETWEEN_BEDTIMES = 16
+"""Steps between looks for tiles that may sleep: a look costs about as much as a step."""
+
+NO_MASK = np.zeros((0, 0), np.float32)
+
+SMALLEST_POOL = 8
+"""Tiles there is always room for."""
+
+Tile = tuple[int, int]
+
+
+class TiledWater:
+    """Two levels of the surface in the tiles that are awake; see `_tile_kernels`.
+
+    Attributes:
+        shape: cells inside reflecting walls; None is endless.
+        z: the present level, (capacity, TILE, TILE); tiles are slots 1 .. used.
+        prev: the level one step of `last_timestep` ago.
+        neighbours: (capacity, 9) slots around each.
+        slots: slot of each tile by its place.
+        names: place of each slot's tile; slot 0 is the sleeping one.
+        used: slots in use, the sleeping one included.
+        last_timestep: [s]; 0 if the water has not moved yet.
+        generation: grows whenever a slot is given or taken.
+        lost: sum over the cells that fell asleep [m].
+    """
+
+    def __init__(
+        self, shape: tuple[int, int] | None, rate: float, damping: float, sleep_amplitude: float
+    ) -> None:
+        """Make still water; rate = c / d [1/s], damping mu [1/s], sleep_amplitude [m]."""
+        self.shape = shape
+        self._rate, self._damping, self._sleep_amplitude = rate, damping, sleep_amplitude
+        self._rows = np.zeros((3, TILE), np.float32)
+        self.generation = 0
+        self.reset()
+
+    def reset(self) -> None:
+        """Still water, no tiles."""
+        self.slots: dict[Tile, int] = {}
+        self.names: list[Tile] = [(0, 0)]
+        self.used = 1
+        self.z = np.zeros((SMALLEST_POOL, TILE, TILE), np.float32)
+        self.prev = np.zeros_like(self.z)
+        self.neighbours = np.zeros((SMALLEST_POOL, 9), np.int32)
+        self._calls = np.empty((8 * SMALLEST_POOL, 2), np.int32)
+        self._spare: tuple[SurfaceArray, SurfaceArray] | None = None  # made at a change of step
+        self._steps = 0
+        self.last_timestep = 0.0
+        self.lost = 0.0
+        self.generation += 1
+
+    @property
+    def memory(self) -> int:
+        """Bytes that hold the water now."""
+        spare = 2 * self._spare[0].nbytes if self._spare else 0
+        return self.z.nbytes + self.prev.nbytes + self.neighbours.nbytes + spare
+
+    # Time ---------------------------------------------------------------------------------------
+
+    def weights(self, timestep: float) -> tuple[float, float]:
+        """What edges and corners of a head add to the elevation in one step."""
+        scale = (self._rate * timestep) ** 2 / (1.0 + 0.5 * self._damping * timestep)
+        edge, corner = WEIGHTS["nine_point"]
+        return edge * scale, corner * scale
+
+    def step(self, timestep: float, heads: Iterable[Head] = ()) -> None:
+        """One step under the heads [s]; the level before it is `prev` afterwards."""
+        m = 0.5 * self._damping * timestep
+        self.retime(timestep)
+        self._sweep((1.0 - m) / (1.0 + m), (self._rate * timestep) ** 2 / (1.0 + m))
+        self.z, self.prev = self.prev, self.z
+        for head, i, j in heads:
+            self._press_once(head, i, j, *self.weights(timestep))
+        self._steps += 1
+        if self._steps % STEPS_BETWEEN_BEDTIMES == 0 and self._sleep_amplitude > 0.0:
+            self._put_to_sleep()
+        self.wake_neighbours()
+
+    def retime(self, timestep: float) -> None:
+        """The previous level of this step's size, short waves calmed: as in `DenseWater`."""
+        t0, t1, rate2 = self.last_timestep, timestep, self._rate**2
+        if abs(t1 - t0) <= SAME_STEP * t1:
+            return
+        self.last_timestep = t1
+        if t0 == 0.0:
+            self._sweep(0.0, 0.5 * rate2 * t1 * t1)
+            return
+        half = 0.5 * self._damping
+        self._sweep(-(t1 / t0) * (1.0 - half * t0), -0.5 * rate2 * t0 * t1)
+        level, before = self.z, self.prev
+        if self._spare is None or len(self._spare[0]) != len(level):
+            self._spare = np.zeros_like(level), np.zeros_like(level)
+        self.z, self.prev = self._spare
+        used = np.s_[: self.used]
+        np.subtract(level[used], before[used], out=self.z[used])
+        calm = math.sqrt(calming(t0, t1)) * COURANT_LIMITS["nine_point"] ** 2 / 4.0
+        for a in (calm, -calm):
+            self._sweep(0.0, a)
+            self.z, self.prev = self.prev, self.z
+        self.z[used] *= np.float32(1.0 + half * t1)
+        np.subtract(level[used], self.z[used], out=before[used])
+        self.z, self.prev = level, before
+        self._sweep(-1.0, 0.5 * rate2 * t1 * t1)
+
+    def _sweep(self, q: float, s: float) -> None:
+        tiles.step_tiles(
+            self.z, self.prev, self.neighbours, 1, self.used, np.float32(q), np.float32(s),
+            self._rows,
+        )  # fmt: skip
+
+    # Tiles --------------------------------------------------------------------------------------
+
+    def _inside(self, tile: Tile) -> bool:
+        return self.shape is None or all(
+            0 <= t < n // TILE for t, n in zip(tile, self.shape, strict=True)
+        )
+
+    def _around(self, tile: Tile) -> Iterator[tuple[int, Tile]]:
+        for direction in range(9):
+            yield direction, (tile[0] + direction // 3 - 1, tile[1] + direction % 3 - 1)
+
+    def wake(self, tile: Tile) -> int:
+        """Slot of a tile, still water if it slept."""
+        slot = self.slots.get(tile)
+        if slot is not None:
+            return slot
+        slot = self.used
+        if slot + 1 == len(self.z):  # the kernel reads one cell into the slot after the last
+            self._resize(2 * slot + 2)
+        self.used += 1
+        self.z[slot] = 0.0
+        self.prev[slot] = 0.0
+        self.slots[tile] = slot
+        self.names.append(tile)
+        self.generation += 1
+        self._introduce(slot)
+        return slot
+
+    def _introduce(self, slot: int) -> None:
+        """Tell a tile its neighbours, and them the tile."""
+        for direction, tile in self._around(self.names[slot]):
+            other = self.slots.get(tile)
+            if other is None:
+                missing = tiles.SLEEPING if self._inside(tile) else tiles.WALL
+                self.neighbours[slot, direction] = missing
+            else:
+                self.neighbours[slot, direction] = other
+                self.neighbours[other, 8 - direction] = slot
+
+    def _put_to_sleep(self) -> None:
+        quiet = np.empty(self.used, np.int32)
+        found = tiles.find_quiet(
+            self.z, self.prev, self.used, np.float32(0.5 * self._sleep_amplitude), quiet
+        )
+        for slot in quiet[:found][::-1].tolist():  # from the last: those moved are not quiet
+            self.lost += float(self.z[slot].sum(dtype=np.float64))
+            tile = self.names[slot]
+            del self.slots[tile]
+            for direction, name in self._around(tile):
+                if name in self.slots:
+                    self.neighbours[self.slots[name], 8 - direction] = tiles.SLEEPING
+            last = self.names.pop()
+            self.used -= 1
+            if last != tile:
+                self.z[slot], self.prev[slot] = self.z[self.used], self.prev[self.used]
+                self.names[slot] = last
+                self.slots[last] = slot
+                self._introduce(slot)
+        self.generation += bool(found)
+        if max(SMALLEST_POOL, 4 * self.used) < len(self.z):
+            self._resize(max(SMALLEST_POOL, 2 * self.used + 2))
+
+    def wake_neighbours(self) -> None:
+        """Wake every tile that a wave above the sleep amplitude has come next to."""
+        found = tiles.find_calls(
+            self.z, self.neighbours, self.used, np.float32(self._sleep_amplitude), self._calls
+        )
+        if not found:
+            return
+        callers = [(self.names[k], d) for k, d in self._calls[:found].tolist()]
+        for (a, b), direction in callers:
+            self.wake((a + direction // 3 - 1, b + direction % 3 - 1))
+
+    def _resize(self, capacity: int) -> None:
+        size = 2 * 4 * TILE * TILE * capacity
+        free = free_memory()
+        if size > 0.9 * free:
+            raise MjskipError(
+                f"{capacity} tiles of the lake need {size / 1e9:.3g} GB and {free / 1e9:.3g} GB are "
+                "free: raise sleep_amplitude, damping or spacing"
+            )
+        for name in ("z", "prev", "neighbours"):
+            old = getattr(self, name)
+            new = np.zeros((capacity, *old.shape[1:]), old.dtype)
+            new[: self.used] = old[: self.used]
+            setattr(self, name, new)
+        self._calls = np.empty((8 * capacity, 2), np.int32)
+        self._spare = None
+
+    # Cells --------------------------------------------------------------------------------------
+
+    def slots_under(self, first: Tile, last: Tile, *, wake: bool = False) -> npt.NDArray[np.int32]:
+        """Slots of the tiles from first to last, both included; those asleep or outside are 0 and -1.
+
+        Args:
+            first, last: tiles, not cells.
+            wake: wake those asleep.
+        """
+        found = np.empty((last[0] - first[0] + 1, last[1] - first[1] + 1), np.int32)
+        for a in range(found.shape[0]):
+            for b in range(found.shape[1]):
+                tile = first[0] + a, first[1] + b
+                if not self._inside(tile):
+                    found[a, b] = tiles.WALL
+                else:
+                    found[a, b] = self.wake(tile) if wake else self.slots.get(tile, tiles.SLEEPING)
+        return found
+
+    def _pieces(
+        self, i: int, j: int, shape: tuple[int, int]
+    ) -> Iterator[tuple[Tile, tuple[slice, slice], tuple[slice, slice]]]:
+        """Tiles under a block of cells: name, where in the tile, where in the block."""
+        for a in range(i // TILE, (i + shape[0] - 1) // TILE + 1):
+            for b in range(j // TILE, (j + shape[1] - 1) // TILE + 1):
+                if not self._inside((a, b)):
+                    continue
+                low = max(i, a * TILE), max(j, b * TILE)
+                high = min(i + shape[0], (a + 1) * TILE), min(j + shape[1], (b + 1) * TILE)
+                yield (
+                    (a, b),
+                    (slice(low[0] - a * TILE, high[0] - a * TILE),
+                     slice(low[1] - b * TILE, high[1] - b * TILE)),
+                    (slice(low[0] - i, high[0] - i), slice(low[1] - j, high[1] - j)),
+                )  # fmt: skip
+
+    def copy(self, pool: SurfaceArray, i: int, j: int, shape: tuple[int, int]) -> SurfaceArray:
+        """A block of cells of `z` or `prev`; still where there is no water."""
+        block = np.zeros(shape, np.float32)
+        for tile, there, here in self._pieces(i, j, shape):
+            slot = self.slots.get(tile)
+            if slot is not None:
+                block[here] = pool[slot][there]
+        return block
+
+    def add(self, block: SurfaceArray, i: int, j: int, *, both_levels: bool = False) -> None:
+        """Raise a block of cells, waking the tiles under it."""
+        nx, ny = block.shape
+        for tile, there, here in self._pieces(i, j, (nx, ny)):
+            if block[here].any():
+                slot = self.wake(tile)
+                self.z[slot][there] += block[here]
+                if both_levels:
+                    self.prev[slot][there] += block[here]
+
+    def _press_once(self, head: SurfaceArray, i: int, j: int, edge: float, corner: float) -> None:
+        """z += (edge, corner) Laplacian of the head, on the head's cells and one more all round."""
+        i0, j0, i1, j1 = i - 1, j - 1, i + head.shape[0] + 1, j + head.shape[1] + 1
+        if self.shape is not None:
+            i0, j0, i1, j1 = max(i0, 0), max(j0, 0), min(i1, self.shape[0]), min(j1, self.shape[1])
+        block = np.zeros((i1 - i0 + 2, j1 - j0 + 2), np.float32)
+        kernels.add_head(
+            block, head, i - i0 + 1, j - j0 + 1, i1 - i0 + 1, 1, j1 - j0 + 1, kernels.REFLECT,
+            edge, corner, NO_MASK,
+        )  # fmt: skip
+        self.add(block[1:-1, 1:-1], i0, j0)
