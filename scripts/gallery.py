@@ -1,0 +1,207 @@
+"""What does mjskip look like? Makes docs/gallery.md, its pictures, and the film in README.
+
+Every picture stands over the command that makes the like of it. Takes some minutes on two cores; all
+files together stay under 3 MB, README's film under 1 MB.
+
+    python scripts/gallery.py [NAME ...]
+"""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image as Pictures
+
+from mjskip import Scene, Trajectory, load_scene, simulate
+from mjskip.film import compose, duel_of
+from mjskip.overlay import caption
+from mjskip.plot import plot_runs
+from mjskip.render import Shot, frames, shot_times
+from mjskip.simulate import simulate_all
+from mjskip.video import Image, write_video
+
+DOCS = Path(__file__).parent.parent / "docs"
+SHARP = 2  # pictures are drawn this much larger and shrunk: edges are smooth
+
+
+@dataclass(frozen=True, kw_only=True)
+class Exhibit:
+    """A picture, what it shows, and the command under it."""
+
+    name: str
+    text: str
+    command: str
+    make: Callable[[Path], None]
+
+
+def filmed(
+    scene: Scene, flights: Any, *, size: tuple[int, int], times: Any = None, **shot: Any
+) -> Iterator[Image]:
+    """Frames drawn larger and shrunk."""
+    large = (SHARP * size[0], SHARP * size[1])
+    images = frames(scene, flights, times=times, size=large, **shot)
+    with contextlib.closing(images):
+        for image in images:
+            yield np.asarray(Pictures.fromarray(image).resize(size, Pictures.Resampling.BOX))
+
+
+def film(path: Path) -> None:
+    """The film in README: the default throw, three times slower."""
+    scene = load_scene("lake")
+    flights = simulate_all(scene)
+    shot: dict[str, Any] = {"fps": 18.0, "slow": 3.5, "linger": 2.2}
+    size = (520, 292)
+    total = len(shot_times(flights, Shot(size=size, **shot)))
+    write_video(
+        filmed(scene, flights, size=size, **shot),
+        path,
+        size=size,
+        fps=18.0,
+        total=total,
+        quality=42,
+    )
+
+
+def still(scene_name: str, camera: str, time: float, **water: Any) -> Callable[[Path], None]:
+    """One moment by one camera."""
+
+    def make(path: Path) -> None:
+        scene = load_scene(scene_name)
+        if water:
+            scene = replace(scene, **water)
+        flights = simulate_all(scene)
+        (image,) = filmed(scene, flights, size=(640, 400), times=np.array([time]), camera=camera)
+        save(image, path)
+
+    return make
+
+
+def strip(path: Path) -> None:
+    """Six moments of the default throw."""
+    scene = load_scene("lake")
+    flights = simulate_all(scene)
+    times = np.array([0.1, 0.25, 0.45, 0.62, 0.85, 1.3])
+    pictures = []
+    for time, image in zip(
+        times, filmed(scene, flights, size=(400, 260), times=times, caption=False), strict=True
+    ):
+        named = image.copy()
+        caption(named, f"{time:.2f} s", corner="top")
+        pictures.append(named)
+    save(compose(pictures), path)
+
+
+def duel(path: Path) -> None:
+    """The same moment with spin and without."""
+    scene = load_scene("duel")
+    sides = duel_of(scene, simulate_all(scene))
+    halves = []
+    for title, (one, flight) in sides.items():
+        (image,) = filmed(one, flight, size=(480, 360), times=np.array([0.45]))
+        named = image.copy()
+        caption(named, title, corner="top")
+        halves.append(named)
+    save(compose(halves), path)
+
+
+def curves(path: Path) -> None:
+    """A page about two throws."""
+    runs: dict[str, Trajectory] = {
+        "15 rev/s": simulate("lake"),
+        "no spin": simulate(load_scene("lake").rethrow(spin=0.0)),
+    }
+    plot_runs(runs, path)
+
+
+def save(image: Image, path: Path) -> None:
+    """As WebP: small, and every browser shows it."""
+    Pictures.fromarray(image).save(path, quality=80, method=6)
+
+
+EXHIBITS = (
+    Exhibit(
+        name="strip.webp",
+        text="Three skips, and the rings after them.",
+        command="mjskip run --strip 6 --picture strip.png",
+        make=strip,
+    ),
+    Exhibit(
+        name="chase.webp",
+        text="From behind.",
+        command="mjskip run --video throw.mp4 --camera chase --slow 4",
+        make=still("lake", "chase", 0.47),
+    ),
+    Exhibit(
+        name="underwater.webp",
+        text="From below: Snell's window, and the dent of a touch.",
+        command="mjskip run --video throw.mp4 --camera underwater --slow 4",
+        make=still("lake", "underwater", 0.46),
+    ),
+    Exhibit(
+        name="top.webp",
+        text="From above: the wake of the first touch, and its caustics on the bottom.",
+        command="mjskip run --video throw.mp4 --camera top --slow 4",
+        make=still("lake", "top", 0.33),
+    ),
+    Exhibit(
+        name="duel.webp",
+        text="The same throw with spin and without.",
+        command="mjskip run duel --side-by-side --video duel.mp4 --slow 4",
+        make=duel,
+    ),
+    Exhibit(
+        name="disc.webp",
+        text="The aluminium disc of Clanet, Hersen and Bocquet, 65 rev/s.",
+        command="mjskip run clanet_disc --video disc.mp4 --slow 8",
+        make=still("clanet_disc", "side", 0.12),
+    ),
+    Exhibit(
+        name="curves.png",
+        text="Two throws on one page.",
+        command="mjskip run --save spin.nc; mjskip run --spin 0 --save still.nc; "
+        "mjskip plot spin.nc still.nc -o curves.png",
+        make=curves,
+    ),
+)
+
+
+def page() -> str:
+    """The text of docs/gallery.md."""
+    parts = [
+        "# Gallery\n",
+        "Made by `python scripts/gallery.py`. The water is shaded on the processor from the full grid: "
+        "Fresnel's reflection of sky, sun and banks, Snell's refraction to the bottom, Beer-Lambert "
+        "absorption, caustics from the surface's curvature. A breath of wind is drawn on it that no stone "
+        "feels; splashes are not modelled and so not drawn.\n",
+    ]
+    for exhibit in EXHIBITS:
+        parts.append(f"## {exhibit.text}\n")
+        parts.append(f"![{exhibit.text}](gallery/{exhibit.name})\n")
+        parts.append(f"```sh\n{exhibit.command}\n```\n")
+    return "\n".join(parts)
+
+
+def main() -> None:
+    """Make all, or those named."""
+    folder = DOCS / "gallery"
+    folder.mkdir(parents=True, exist_ok=True)
+    chosen = set(sys.argv[1:])
+    if not chosen or "skip.webp" in chosen:
+        film(DOCS / "skip.webp")
+    for exhibit in EXHIBITS:
+        if not chosen or exhibit.name in chosen:
+            exhibit.make(folder / exhibit.name)
+            print(exhibit.name, (folder / exhibit.name).stat().st_size)
+    (DOCS / "gallery.md").write_text(page(), encoding="utf-8")
+    sizes = [p.stat().st_size for p in [DOCS / "skip.webp", *folder.iterdir()]]
+    print(f"skip.webp {sizes[0] / 1e6:.2f} MB, all {sum(sizes) / 1e6:.2f} MB")
+
+
+if __name__ == "__main__":
+    main()
