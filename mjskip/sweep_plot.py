@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -45,10 +46,9 @@ def plot_sweep(
     """
     if result not in RESULTS:
         raise ValueError(f"no result {result!r}: choose from {', '.join(RESULTS)}")
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise MjskipError("plots need a package more: pip install 'mjskip[plot]'") from error
+    check_picture(path)
+    from matplotlib.figure import Figure
+
     wide = [str(d) for d in data.dims if data.sizes[d] > 1 and d != MEMBER]
     numeric = [d for d in wide if d != SAMPLE and data[d].dtype.kind == "f"]
     if SAMPLE in wide:
@@ -87,6 +87,24 @@ def plot_sweep(
     figure.suptitle(_title(data), fontsize=9)
     with whole_file(path) as part:
         figure.savefig(part)
+
+
+def check_picture(path: str | os.PathLike[str]) -> None:
+    """Fail before a long sweep rather than after it.
+
+    Raises:
+        MjskipError: no matplotlib, no such folder, or a suffix that it cannot write.
+    """
+    try:
+        from matplotlib.backend_bases import FigureCanvasBase
+    except ImportError as error:
+        raise MjskipError("plots need a package more: pip install 'mjskip[plot]'") from error
+    path = Path(path)
+    known = FigureCanvasBase.get_supported_filetypes()
+    if path.suffix.removeprefix(".").lower() not in known:
+        raise MjskipError(f"{path} is no picture: end its name with .png, .svg or .pdf")
+    if not path.parent.is_dir():
+        raise MjskipError(f"folder {path.parent} does not exist: create it, or name another file")
 
 
 def _map(axes: Any, data: xr.Dataset, across: list[str], result: str, label: str, all_: Any) -> Any:

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 
 import mjskip.sweep as sweep_module
 from mjskip import Limits, Stone, Throw, Water, integrate, simulate
-from mjskip.cli import cli
+from mjskip.cli import cli, main
 from mjskip.design import Design, latin_hypercube, normal, span
 from mjskip.errors import MjskipError, MjskipWarning
 from mjskip.scene import load_scene
@@ -374,9 +374,11 @@ def test_the_command_takes_degrees_writes_a_store_and_goes_on_with_it(tmp_path):
         ("--vary=atack=1:2:3", "choose from"),
         ("--latin=speed=5", "two numbers"),
         ("--vary=speed=five", "speed"),
+        ("--plot=nowhere/a.png", "create it"),
+        ("--plot=a.xyz", "no picture"),
     ],
 )
-def test_options_that_cannot_be_read_are_refused(option, says):
-    found = CliRunner().invoke(cli, ["sweep", "lake", option])
-    assert found.exit_code == 2
-    assert says in found.output
+def test_options_that_cannot_be_read_are_refused(option, says, capsys):
+    with pytest.raises(SystemExit, match="2"):
+        main(["sweep", "lake", option])
+    assert says in capsys.readouterr().err

@@ -31,7 +31,7 @@ from mjskip.recording import Limits
 from mjskip.simulate import ENGINES
 from mjskip.sweep import CHUNK
 from mjskip.sweep import sweep as run_sweep
-from mjskip.sweep_plot import plot_sweep
+from mjskip.sweep_plot import check_picture, plot_sweep
 
 out = Console(highlight=False)
 err = Console(stderr=True, highlight=False)
@@ -88,6 +88,8 @@ def sweep(
     **throw: Any,
 ) -> None:
     """Throw the stone of SCENE over a grid of parameters and count skips."""
+    if plot is not None:
+        check_picture(plot)
     axes = dict(_axis(text) for text in vary)
     points: dict[str, Any] = {}
     if latin:
