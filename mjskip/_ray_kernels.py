@@ -43,6 +43,7 @@ EYE = 28  # position, forward, right and up scaled by the half widths, pixel ove
 LOST = 41  # variance of slopes that each level of the ripples no longer shows
 NUMBERS = 52
 
+FAR = 20.0  # [m]: nothing is seen so far through water
 SHALLOW = 0.15  # [m]: from about this depth comes the light that deep water scatters
 MIXED = 0.1  # of the depth: finer waves cast light that has mixed before it is on the bottom
 BLOCK = 16  # cells a side of the blocks of which the greatest height is known
@@ -133,7 +134,7 @@ def below(
     """
     z = sounding(bottom, numbers, o[0], o[1])
     length = AWAY
-    if d[2] < -1e-3:
+    if d[2] < -1e-3 and (z - o[2]) / d[2] < FAR:
         for _ in range(2):
             length = (min(z, o[2] - 0.02) - o[2]) / d[
                 2
@@ -150,7 +151,7 @@ def below(
         _, _, _, bend = surface(heights, levels, numbers, o[0], o[1], width)
         glow = 0.3 + 0.7 * caustic(SHALLOW, bend)
     deep = (glow * numbers[WATER + 3], glow * numbers[WATER + 4], glow * numbers[WATER + 5])
-    if length > 40.0:
+    if length > FAR:
         return deep, -z
     if hit >= 0:
         sun = (numbers[SUN], numbers[SUN + 1], numbers[SUN + 2])

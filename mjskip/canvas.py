@@ -112,7 +112,8 @@ class Canvas:
         far = self._model.vis.map.zfar * self._model.stat.extent
         # the buffer holds 1 at the near plane and 0 at the far one, linear in one over the distance
         depth *= np.float32(1.0 / near - 1.0 / far)
-        depth += np.float32(1.0 / far)
+        depth += np.float32(1.0 / far) * (depth > 0.0)
+        np.maximum(depth, np.float32(1e-9), out=depth)  # the sky is behind everything
         return image, np.reciprocal(depth, out=depth)
 
     def _render(self, image: Image, depth: npt.NDArray[np.float32] | None) -> None:
