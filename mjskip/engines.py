@@ -228,8 +228,11 @@ def _unlogged() -> Iterator[None]:
 
 def _check_warnings(data: mujoco.MjData) -> None:
     """MuJoCo resets a simulation whose state is not finite, and only counts it."""
+    counts = data.warning.number
+    if not counts.any():
+        return
     for kind in ("mjWARN_BADQPOS", "mjWARN_BADQVEL", "mjWARN_BADQACC"):
-        if data.warning[getattr(mujoco.mjtWarning, kind)].number:
+        if counts[getattr(mujoco.mjtWarning, kind)]:
             raise DivergedError(
                 f"MuJoCo's state is not finite before t = {data.time:.6g} s ({kind}): use a smaller "
                 "time step",

@@ -183,16 +183,16 @@ class MovingSurface:
         self, name: str, stone: _Stone, head: Head, moved: list[_Water], timestep: float
     ) -> float:
         """Press one head on the water after its free step; the share of it that was pressed."""
-        seen, state = self._seen[name][0], self._states[name]
+        seen, state = self._seen[name][0].tolist(), self._states[name].tolist()
         # what the paper's gate gives to a stone is not the waves' to give: they lose nothing for it
-        loss = -timestep * float(seen[0:3] @ state[12:15] + seen[3:6] @ state[15:18])
-        loss = max(loss, 0.0)
+        power = sum(f * v for f, v in zip(seen[:6], state[12:18], strict=True))
+        loss = max(-timestep * power, 0.0)
         work = sum(water.lake.work_under(head) for water in moved if water.lake.awake_tiles)
         share, gained = stone.own.lake.press_after(
             head, timestep, weight=self._weight, work=work, loss=loss
         )
         stone.touching = True
-        balance, impulse = self.balance, timestep * float(seen[2])
+        balance, impulse = self.balance, timestep * seen[2]
         balance.loads += 1
         balance.limited += share < 1.0
         balance.lost += loss

@@ -270,12 +270,12 @@ class Lake:
         None if it is all outside.
         """
         reach = reach_of(radius, self.spacing)
-        at = self.cell_at(x, y)
-        if self.shape is not None and not all(
-            -reach < p < n - 1 + reach for p, n in zip(at, self.shape, strict=True)
+        p, q = self.cell_at(x, y)
+        if self.shape is not None and not (
+            -reach < p < self.shape[0] - 1 + reach and -reach < q < self.shape[1] - 1 + reach
         ):
             return None
-        return round_head(at, reach, volume)
+        return round_head((p, q), reach, volume)
 
     def work_under(self, head: Head) -> float:
         """Sum over a head's cells of the head times the last step's change of elevation [m^2]."""

@@ -66,6 +66,7 @@ class TiledWater:
         self.last_timestep = 0.0
         self.lost = 0.0
         self.generation += 1
+        self._found: dict[tuple[int, ...], tuple[int, npt.NDArray[np.int32]]] = {}
 
     @property
     def memory(self) -> int:
@@ -224,15 +225,22 @@ class TiledWater:
             first, last: tiles, not cells.
             wake: wake those asleep.
         """
-        found = np.empty((last[0] - first[0] + 1, last[1] - first[1] + 1), np.int32)
-        for a in range(found.shape[0]):
-            for b in range(found.shape[1]):
+        key = (*first, *last)
+        generation, slots = self._found.get(key, (-1, None))
+        if slots is not None and generation == self.generation and not (wake and 0 in slots):
+            return slots
+        slots = np.empty((last[0] - first[0] + 1, last[1] - first[1] + 1), np.int32)
+        for a in range(slots.shape[0]):
+            for b in range(slots.shape[1]):
                 tile = first[0] + a, first[1] + b
                 if not self._inside(tile):
-                    found[a, b] = tiles.WALL
+                    slots[a, b] = tiles.WALL
                 else:
-                    found[a, b] = self.wake(tile) if wake else self.slots.get(tile, tiles.SLEEPING)
-        return found
+                    slots[a, b] = self.wake(tile) if wake else self.slots.get(tile, tiles.SLEEPING)
+        if generation != self.generation:
+            self._found.clear()
+        self._found[key] = self.generation, slots
+        return slots
 
     def _pieces(
         self, i: int, j: int, shape: tuple[int, int]

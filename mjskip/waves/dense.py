@@ -252,8 +252,8 @@ def round_head(
         volume: sum of the head over its cells [m].
         first: stored row and column of the first cell.
     """
-    i, j = (math.ceil(at - reach) for at in centre)
-    nx, ny = (math.floor(at + reach) - k + 1 for at, k in zip(centre, (i, j), strict=True))
-    head = np.empty((nx, ny), np.float32)
-    kernels.fill_head(head, centre[0] - i, centre[1] - j, reach, volume)
+    x, y = centre
+    i, j = math.ceil(x - reach), math.ceil(y - reach)
+    head = np.empty((math.floor(x + reach) - i + 1, math.floor(y + reach) - j + 1), np.float32)
+    kernels.fill_head(head, x - i, y - j, reach, volume)
     return head, first[0] + i, first[1] + j
