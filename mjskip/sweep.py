@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from importlib.metadata import version
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -192,7 +193,7 @@ def request(job: Job) -> dict[str, Any]:
         mark.update(np.ascontiguousarray(array).tobytes())
     return {
         "version": version("mjskip"),
-        "scene": None if job.scene is None else job.scene.path.name,
+        "scene": None if job.scene is None else _named(job.scene.path),
         "stone": {
             "mass": stone.mass,
             "triangles": len(stone.faces),
@@ -211,6 +212,11 @@ def request(job: Job) -> dict[str, Any]:
         "air_tolerance": AIR_TOLERANCE if job.engine == "reference" else None,
         "design": job.design.summary(),
     }
+
+
+def _named(file: Path) -> str:
+    """A file by its name and a mark of its contents."""
+    return f"{file.name} (sha256 {hashlib.sha256(file.read_bytes()).hexdigest()[:16]})"
 
 
 def _doubt(job: Job) -> None:

@@ -364,6 +364,10 @@ def test_the_command_takes_degrees_writes_a_store_and_goes_on_with_it(tmp_path):
     np.testing.assert_allclose(np.degrees(data.attack), [10, 20, 30])
     assert abs(data.spin_scatter).max() < 4 * np.pi  # rev/s became rad/s
     assert (tmp_path / "a.png").stat().st_size > 3000
+    again = f"plot {store} -o {tmp_path / 'b.png'} --result distance"
+    assert CliRunner().invoke(cli, again.split(), catch_exceptions=False).exit_code == 0
+    assert (tmp_path / "b.png").stat().st_size > 3000
+    assert CliRunner().invoke(cli, ["plot", str(store), str(store)]).exit_code == 2
 
 
 @pytest.mark.parametrize(

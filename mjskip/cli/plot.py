@@ -1,4 +1,4 @@
-"""mjskip plot: a page about saved throws."""
+"""mjskip plot: a page about saved throws, or a picture of a sweep."""
 
 from __future__ import annotations
 
@@ -8,21 +8,35 @@ import click
 from rich.console import Console
 
 from mjskip.plot import plot_runs
+from mjskip.sweep_job import RESULTS
+from mjskip.sweep_plot import plot_sweep
+from mjskip.sweep_store import is_sweep, open_sweep
 from mjskip.trajectory import Trajectory
 
 err = Console(stderr=True, highlight=False)
 
 
 @click.command()
-@click.argument(
-    "runs", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RUN.nc..."
-)
+@click.argument("runs", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FILE...")
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path), default="throw.png", show_default=True,
     metavar="FILE", help="Where to: .png, .svg or .pdf.",
 )  # fmt: skip
-def plot(runs: tuple[Path, ...], output: Path) -> None:
-    """Draw what `mjskip run --save` wrote: paths, speed, attitude and energy; several overlay."""
+@click.option(
+    "--result", type=click.Choice(list(RESULTS)), default="skips", show_default=True,
+    help="Of a sweep: what to draw.",
+)  # fmt: skip
+def plot(runs: tuple[Path, ...], output: Path, result: str) -> None:
+    """Draw what `mjskip run --save` wrote: paths, speed, attitude and energy; several overlay.
+
+    Or what `mjskip sweep --save` wrote: a map, a curve with its spread or a cloud of points.
+    """
+    if any(is_sweep(path) for path in runs):
+        if len(runs) > 1:
+            raise click.UsageError("a sweep is drawn alone: give one FILE")
+        plot_sweep(open_sweep(runs[0]), output, result=result)
+        err.print(f"wrote {output}")
+        return
     loaded: dict[str, Trajectory] = {}
     for number, path in enumerate(runs, 1):
         name = path.stem if path.stem not in loaded else f"{path.stem} ({number})"
