@@ -108,9 +108,11 @@ def test_the_advised_step_keeps_the_exit_within_a_percent_of_the_speed(question:
 
 
 def test_a_flat_stone_skips_from_a_threshold_of_spin(question: Any) -> None:
-    skips = question("fig_spin").skips
-    still = [skips(("flat", 8.0, 0.0, seed))[0] for seed in range(8)]
-    fast = [skips(("flat", 8.0, 600.0, seed))[0] for seed in range(8)]
+    stones, skips = question("_stones"), question("fig_spin").skips
+    still, fast = (
+        skips("flat", [stones.scattered(stones.nominal("flat", 8.0, spin), n) for n in range(8)])
+        for spin in (0.0, 600.0)
+    )
     assert max(still) == 0
     assert np.mean(fast) == pytest.approx(
         2.0, abs=0.5

@@ -307,7 +307,10 @@ def page(found: dict[str, Any]) -> str:
         )
         for name in names
     }
-    there = ", ".join(f"{name} {100 * value:.2g}%" for name, value in worst.items())
+    there = ", ".join(
+        f"{name} {100 * value:.2g}%" if math.isfinite(value) else f"{name} diverges at 400 rev/s"
+        for name, value in worst.items()
+    )
     return (
         picture(
             "convergence.png",
@@ -317,8 +320,8 @@ def page(found: dict[str, Any]) -> str:
         + f"\n\n**Recommended time step: {stated:g} × thickness / speed**, what `mjskip run` warns beyond "
         f"and `mjskip compare` prints. There the worst error of the exit velocity, as a share of the entry "
         f"speed, is: {there}. Largest fractions that keep every throw within {100 * ENOUGH:.0f}%: {named} "
-        "(capitals: MuJoCo; small letters: pure integrator). Explicit Euler needs less than the warning "
-        "asks for; RK4 forgives more. "
+        "(capitals: MuJoCo; small letters: pure integrator). The Eulers need less than the warning asks for, "
+        "the faster the spin the less: use RK4 or implicitfast. "
         "In smooth flight every solver shows its order. Through a touch the force has kinks where triangles "
         "meet the surface, and no order above two is seen. Exit speeds are known to "
         f"{FLOOR:g} m/s, as the exit is sought between rows; orders are fitted above that. "
