@@ -1,0 +1,135 @@
+"""What does two-way water cost? Ratios and shares of processor time, one core.
+
+    python scripts/bench_twoway.py
+
+The default throw over waves at its own step, with the share of each part; a stone that skips through 100 m
+of open lake, against a dense field of 16384 x 16384 cells whose step is taken as 16 times that at 4096;
+and the same throw over a dense field's worth of water that never sleeps, whose skips must be the same.
+About a minute.
+"""
+
+from __future__ import annotations
+
+import json
+import statistics
+import time
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from mjskip import HeightField, Limits, Throw, Water, load_scene, simulate
+from mjskip.engines import MujocoEngine
+from mjskip.lakes import Lake
+from mjskip.reference import Integrator
+from mjskip.stone import Stone
+from mjskip.twoway import MovingSurface
+
+
+def shares() -> dict[str, float]:
+    """Processor time of the parts of the default throw over waves."""
+    scene = load_scene("lake")
+    timestep = float(scene.model.opt.timestep)
+    simulate(scene, surface="waves", limits=Limits(duration=0.3))  # compiled
+    totals = []
+    for _ in range(5):
+        begun = time.process_time()
+        run = simulate(scene, surface="waves")
+        totals.append(time.process_time() - begun)
+    steps = len(run.time)
+    parts = {"stone": 0.0, "look": 0.0, "water": 0.0}
+    with MujocoEngine(scene, None, timestep, frozen_attitude=False) as engine:
+        surface = MovingSurface(scene.lake(), engine.blocks)
+        motion = engine.start()
+        for _ in range(steps):
+            a = time.process_time()
+            surface.look(motion)
+            b = time.process_time()
+            surface.advance(timestep)
+            c = time.process_time()
+            motion = engine.advance(1)
+            d = time.process_time()
+            parts["look"] += b - a
+            parts["water"] += c - b
+            parts["stone"] += d - c
+    whole = statistics.median(totals)
+    return {
+        "real_time_factor": steps * timestep / whole,
+        "us_per_step": 1e6 * whole / steps,
+        "steps": steps,
+        **{f"share_{name}": value / whole for name, value in parts.items()},
+        "share_recording_and_rest": 1.0 - sum(parts.values()) / whole,
+    }
+
+
+def hundred_metres(*, sleep_amplitude: float = 1e-5, metres: float = 100.0) -> dict[str, float]:
+    """A disc that is thrown anew wherever it gets too slow, until it is 100 m from the first throw."""
+    stone = Stone.disc(0.05, 0.01, segments=24, density=2500.0)
+    lake = Lake(sleep_amplitude=sleep_amplitude)
+    timestep, skips, x, most, tiles = 5e-4, 0, 0.0, 0, 0
+    spent, steps = 0.0, 0
+    while x < metres:
+        throw = Throw.from_degrees(speed=14, spin=30, attack=20, descent=6, height=0.1)
+        disc = Integrator(
+            stone, throw.state(stone, x=x, y=0.0), water=Water(), timestep=timestep, method="rk4"
+        )
+        surface = MovingSurface(lake, {"disc": disc.block})
+        state, wet = disc.start(), False
+        for _ in range(4000):
+            begun = time.process_time()
+            seen = surface.look({"disc": state})["disc"][0]
+            surface.advance(timestep)
+            spent += time.process_time() - begun
+            steps += 1
+            state = disc.advance(1)
+            skips += int(wet and seen[16] >= 0.0)
+            wet = bool(seen[16] < 0.0)
+            if steps % 50 == 0:
+                most, tiles = max(most, lake.memory), max(tiles, lake.awake_tiles)
+            if state[0, 2] < -0.1 or state[0, 12] < 3.0:
+                break
+        surface.settle()
+        x = float(state[0, 0])
+    return {"skips": skips, "x": x, "step": spent / steps, "bytes": most, "tiles": tiles}
+
+
+def bench() -> dict[str, Any]:
+    """Measure; see the module's docstring."""
+    found: dict[str, Any] = {"default_throw": shares()}
+    hundred_metres(metres=1.0)
+    open_lake = hundred_metres()
+    field = HeightField((4096, 4096), threads=1)
+    field.displace(0.0, 0.0, height=0.01, radius=5.0)
+    times = []
+    for _ in range(8):
+        begun = time.process_time()
+        field.step(5e-4)
+        times.append(time.process_time() - begun)
+    dense = 16.0 * statistics.median(times[2:])
+    found["open_lake_100_m"] = {
+        "skips": open_lake["skips"],
+        "metres": open_lake["x"],
+        "step_us": 1e6 * open_lake["step"],
+        "megabytes": 1e-6 * open_lake["bytes"],
+        "tiles": open_lake["tiles"],
+        "dense_16384_step_ms_extrapolated_from_4096": 1e3 * dense,
+        "dense_over_lake_time": dense / open_lake["step"],
+        "dense_over_lake_memory": 2.0 * 4.0 * 16384**2 / open_lake["bytes"],
+    }
+    scene = load_scene("lake")
+    paths = []
+    for shape in ((1024, 1024), None):
+        grid = {k: v for k, v in scene.grid.items() if k != "shape"}
+        grid |= {"boundary": "absorb"} if shape is None else {"boundary": "reflect", "shape": shape}
+        paths.append(simulate(replace(scene, grid=grid), surface="waves", own_dent=True))
+    inside, endless = paths
+    n = min(len(inside.x), len(endless.x))
+    found["walls_far_away_and_none"] = {
+        "skips": [inside.skips, endless.skips],
+        "path_difference_mm": 1e3 * float(np.abs(inside.x[:n] - endless.x[:n]).max()),
+    }
+    return found
+
+
+if __name__ == "__main__":
+    print(json.dumps(bench(), indent=2))
