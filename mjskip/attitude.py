@@ -4,6 +4,7 @@ Angles are taken against the stone's own heading at that moment: e the horizonta
 l = z x e to the left of it, n the upper disc normal: attack = arcsin(-n.e), bank = arcsin(n.l), spin = omega.n.
 """
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -68,14 +69,20 @@ def released(normal_body: npt.ArrayLike, attack: float, bank: float) -> Array:
             f"attack {np.degrees(attack):g} and bank {np.degrees(bank):g} degrees cannot both hold: "
             "their squared sines must not add up to more than 1"
         )
-    to_z, _ = Rotation.align_vectors([[0.0, 0.0, 1.0]], [np.asarray(normal_body, dtype=float)])
     z = np.array([ahead, left, np.sqrt(up)])
     x = np.array([1.0, 0.0, 0.0]) - ahead * z
     if np.linalg.norm(x) < 1e-9:  # flat on to the motion: any heading of the disc will do
         x = np.array([0.0, 0.0, 1.0])
     x /= np.linalg.norm(x)
     frame = np.column_stack([x, np.cross(z, x), z])
-    return np.asarray(frame @ to_z.as_matrix(), dtype=np.float64)
+    return np.asarray(frame @ _to_z(*np.asarray(normal_body, dtype=float).tolist()), dtype=np.float64)
+
+
+@cache
+def _to_z(x: float, y: float, z: float) -> Array:
+    """The least rotation (3, 3) that turns a unit vector to +z."""
+    turn, _ = Rotation.align_vectors([[0.0, 0.0, 1.0]], [[x, y, z]])
+    return np.asarray(turn.as_matrix(), dtype=np.float64)
 
 
 def angles(normal: npt.ArrayLike, velocity: npt.ArrayLike, omega: npt.ArrayLike) -> Angles:
