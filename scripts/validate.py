@@ -124,6 +124,7 @@ def write_page(parts: list[Part], made: dict[str, Any]) -> str:
         f"{total:.0f} s from mjskip {made['mjskip']} ({made['commit']}), MuJoCo {made['mujoco']}, Python "
         f"{made['python']}; all numbers in [results.json](validation/results.json). Each section is a file "
         "in `scripts/validation` that also runs by itself."
+        + "".join(f" `{name}`: {why}." for name, why in made.get("rerun", {}).items())
     )
     return "\n\n".join(sections) + "\n"
 
