@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import sys
+import threading
 import time
 import warnings
 from collections.abc import Callable
@@ -114,6 +115,7 @@ def _watch(
     pressed: list[int] = []
     engine, timestep = show.engine, show.timestep
     simulated, frames, late, throws = 0.0, 0, 0.0, 1
+    others = set(threading.enumerate())
     viewer = mujoco.viewer.launch_passive(
         engine.model, engine.data, key_callback=pressed.append, show_left_ui=False,
         show_right_ui=False,
@@ -145,6 +147,9 @@ def _watch(
             viewer.sync()
             frames += 1
             time.sleep(max(0.0, 1.0 / FPS - (time.perf_counter() - frame_began)))
+    # the window's own thread must be done before what it draws goes away, and before Python ends
+    for thread in set(threading.enumerate()) - others:
+        thread.join(timeout=10.0)
     return Watched(frames=frames, simulated=simulated, late=late, throws=throws)
 
 
@@ -165,6 +170,8 @@ class _Show:
         # the viewer draws a skin from where the model says its vertices are bound
         bound = engine.model.skin_vert
         self._bound = SimpleNamespace(skinvert=bound, skinnormal=np.empty_like(bound))
+        self._motion: Motion = {}
+        self._moving: MovingSurface | None = None
         self._flood()
 
     def throw_again(self) -> None:
@@ -208,7 +215,6 @@ class _Show:
     def _flood(self) -> None:
         """Still water: that which is drawn, and over waves that which the stones feel."""
         self._lake: Lake = self._scene.lake()
-        self._moving: MovingSurface | None = None
         if self._surface == "waves":
             self._moving = MovingSurface(
                 self._scene.lake(),
@@ -216,7 +222,7 @@ class _Show:
                 density=self._scene.water.density,
                 gravity=self._gravity,
             )
-            self._motion: Motion = self.engine.start()
+            self._motion = self.engine.start()
 
     def _press(self, seen: Motion, steps: int) -> None:
         """Give the drawn water the reactions (steps, 17) of some steps as loads that last as long."""

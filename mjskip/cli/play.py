@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import threading
+import warnings
 from typing import Any
 
 import click
@@ -36,6 +37,8 @@ def play(scene: str, body: str | None, host: str, port: int) -> None:
     """A page where you throw the stone of SCENE; Ctrl-C ends it."""
     from mjskip.play.server import Playground, is_loopback
 
+    # a tab that closes while its stone flies: nobody misses the frame
+    warnings.filterwarnings("ignore", message="Queued a .* on a closed connection")
     ended = threading.Event()
 
     def end(*_: Any) -> None:

@@ -23,8 +23,8 @@ VIEWS = (FOLLOW, WHOLE)
 VISER = ("websocket", "showStats", "fixedDpr", "darkMode", "logCamera", "forceOrbitOriginTool")
 """Parts of an address that are viser's own."""
 
-HAZE = (152, 166, 163)
-WATER = (48, 130, 155)
+HAZE = (150, 172, 182)
+WATER = (36, 128, 158)
 STONES = ((122, 112, 101), (150, 104, 84), (96, 108, 118))
 TRAIL = (255, 246, 214)
 TRAIL_PIECES = 160
@@ -44,16 +44,16 @@ def lake(client: Any, water: DrawnWater, stones: Mapping[str, Stone]) -> dict[st
     """
     scene = client.scene
     scene.configure_environment_map(
-        "park", background=True, background_blurriness=0.05, environment_intensity=0.7
+        "park", background=True, background_blurriness=0.05, environment_intensity=0.4
     )
     scene.configure_default_lights(False)
     scene.configure_fog(6.0, 60.0, color=HAZE)
-    # low, ahead and to the left: matte water shows its slopes by it, bright towards the sun
+    # low and beyond the stone: matte water shows its slopes by it, bright towards the sun
     scene.add_light_directional(
-        "/sun", color=(255, 236, 200), intensity=3.5, position=(6.0, 5.0, 1.6)
+        "/sun", color=(255, 242, 220), intensity=8.0, position=(-4.0, 7.0, 0.75)
     )
     scene.add_light_directional(
-        "/sky", color=(120, 170, 255), intensity=0.5, position=(-4.0, -5.0, 3.0)
+        "/sky", color=(120, 170, 255), intensity=0.6, position=(4.0, -5.0, 3.0)
     )
     nodes: dict[str, Any] = {"client": client}
     nodes["lake"] = scene.add_frame("/lake", show_axes=False)
@@ -91,10 +91,10 @@ def aim(client: Any, view: str, thrown: Thrown | None) -> None:
     camera = client.camera
     camera.up_direction = (0.0, 0.0, 1.0)
     if view == FOLLOW or thrown is None:
-        camera.position, at = (-0.95, -1.25, 0.42), (0.22, 0.0, 0.06)
+        camera.position, at = (0.75, -1.45, 0.62), (0.02, 0.0, 0.03)
     else:
         far = max(0.5 * _length(thrown), 1.5)
-        camera.position, at = (-0.55 * far, -1.15 * far, 0.38 * far), (0.15 * far, 0.0, 0.0)
+        camera.position, at = (0.55 * far, -1.35 * far, 0.5 * far), (0.38 * far, 0.0, 0.0)
     camera.look_at = at
     camera.fov = 0.75
 
@@ -160,7 +160,7 @@ def draw(nodes: dict[str, Any], water: DrawnWater, frame: Frame, *, view: str) -
 
 def path(flight: Trajectory, *, until: float) -> npt.NDArray[np.float32]:
     """The way so far as pieces (TRAIL_PIECES, 2, 3) [m]."""
-    rows = np.linspace(0, max(np.searchsorted(flight.time, until), 1), TRAIL_PIECES + 1)
+    rows = np.linspace(0, max(int(np.searchsorted(flight.time, until)), 1), TRAIL_PIECES + 1)
     points = flight.x[np.minimum(rows.astype(np.intp), len(flight.time) - 1)]
     return np.stack([points[:-1], points[1:]], axis=1).astype(np.float32)
 
@@ -214,7 +214,7 @@ def html_table(rows: Sequence[Sequence[str]]) -> str:
         "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in body
     )
     return (
-        "<table style='width:96%;margin:.2em 2%;font-size:.72em;text-align:right;"
+        "<table class='touches' style='width:96%;margin:.2em 2%;font-size:.72em;text-align:right;"
         "font-variant-numeric:tabular-nums;border-spacing:0 .15em'>"
         f"<thead><tr>{cells}</tr></thead><tbody>{lines}</tbody></table>"
     )
@@ -244,6 +244,7 @@ def add_plot(gui: Any) -> Any:
             {"label": "speed (m/s)", "scale": "speed", "stroke": "#e8590c", "side": 1, "size": 38,
              "grid": {"show": False}},
         ),
+        legend={"show": False},
         height=190,
         visible=False,
     )  # fmt: skip

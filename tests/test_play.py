@@ -1,0 +1,564 @@
+"""The playground without a browser: what its page may ask for, what it throws, and how it is shown."""
+
+import contextlib
+import http.client
+import json
+import math
+import os
+import shlex
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from mjskip import Stone, Throw
+from mjskip.cli import main
+from mjskip.errors import MjskipError, SceneError
+from mjskip.lakes import Lake
+from mjskip.play.player import AFTER, MOST_AT_ONCE, Pace, Player, Replay, pose
+from mjskip.play.settings import Settings
+from mjskip.play.surface import EVEN, HORIZON, SHAPE, DrawnWater, axis
+from mjskip.play.thrown import Shelf, table, turned
+from mjskip.scene import load_scene
+
+PATIENCE = 120.0  # [s]: only a hang takes longer, even where other work fills the machine
+
+
+@pytest.fixture(scope="module")
+def shelf(lake):
+    with contextlib.closing(Shelf(lake)) as shelf:
+        yield shelf
+
+
+@pytest.fixture(scope="module")
+def default(lake):
+    return Settings.of_scene(lake)
+
+
+@pytest.fixture(scope="module")
+def thrown(shelf, default):
+    return shelf.throw(default)
+
+
+# What may be asked for ----------------------------------------------------------------------------
+
+
+def test_the_page_opens_with_the_throw_of_the_scene(lake, default):
+    assert default.throw.speed == lake.throw.speed
+    # four decimals of a degree are shown: half of the last is 1e-6 rad at most
+    for name in ("attack", "descent", "bank"):
+        assert getattr(default.throw, name) == pytest.approx(getattr(lake.throw, name), abs=1e-6)
+
+
+def test_a_link_brings_back_the_throw_to_the_last_bit(default):
+    asked = default.changed(
+        {"speed": 9.5, "spin": -20, "attack": 17.25, "height": 0.05, "stone": "lens",
+         "radius": 3.3, "thickness": 1.1, "law": "bocquet2003", "surface": "waves"}
+    )  # fmt: skip
+    assert default.read_link("?" + asked.link()) == asked
+    assert asked != default
+
+
+def test_an_empty_link_asks_for_nothing(default):
+    assert default.read_link("") == default
+
+
+BAD = {
+    "nan": ("speed=nan", "speed is nan"),
+    "endless": ("spin=inf", "spin is inf"),
+    "negative": ("speed=-3", "speed is -3 m/s: give a number between 0 and 1000"),
+    "absurd": ("spin=1e9", "spin is 1e.09 rev/s"),
+    "word": ("attack=steep", "attack is 'steep': give a number"),
+    "empty": ("attack=", "attack is ''"),
+    "tilt": ("attack=95", "attack is 95 degrees"),
+    "tilts": ("attack=60&bank=60", "cannot both hold"),
+    "law": ("law=hooke", "law is 'hooke': use one of lee2010"),
+    "stone": ("stone=brick", "stone is 'brick': use one of scene, pebble"),
+    "surface": ("surface=lava", "surface is 'lava'"),
+    "huge": ("stone=disc&radius=1e6", "radius is 1e.06 cm"),
+    "thin": ("stone=disc&thickness=0", "thickness is 0 cm"),
+    "ball": ("stone=lens&radius=2&thickness=5", "a lens is thinner"),
+    "unknown": ("speeed=3", "'speeed' is no setting"),
+    "inner": ("__class__=3", "is no setting"),
+    "long": ("speed=" + "1" * 5000, "longer than"),
+}
+
+
+@pytest.mark.parametrize(("link", "says"), BAD.values(), ids=BAD.keys())
+def test_nonsense_from_the_page_is_refused_in_one_line(default, link, says):
+    with pytest.raises(ValueError, match=says) as refusal:
+        default.read_link(link)
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize("value", [None, [1], {"a": 1}, "12m"])
+def test_what_is_no_number_is_no_speed(default, value):
+    with pytest.raises(ValueError, match=r"speed is .*: give a number"):
+        default.changed({"speed": value})
+
+
+# What is thrown -----------------------------------------------------------------------------------
+
+
+def test_the_command_beside_a_throw_makes_the_same_throw(shelf, default, capsys):
+    asked = default.changed({"speed": 10.3, "spin": 22.5, "attack": 18, "descent": 9, "bank": -4})
+    made = shelf.throw(asked)
+    program, *arguments = shlex.split(made.command)
+    assert program == "mjskip"
+    with pytest.raises(SystemExit):
+        main([*arguments, "--json"])
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["skips"] == made.skips
+    assert printed["contacts"] == [c.summary() for c in made.chosen.contacts]  # to the last bit
+
+
+def test_the_command_of_a_made_stone_reads_the_file_to_download(
+    shelf, default, capsys, tmp_path, monkeypatch
+):
+    asked = default.changed({"stone": "disc", "radius": 4, "thickness": 1, "law": "rosellini2005"})
+    made = shelf.throw(asked)
+    name, text = shelf.model_file(asked)
+    (tmp_path / name).write_bytes(text)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit):
+        main([*shlex.split(made.command)[1:], "--json"])
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["skips"] == made.skips
+    assert printed["law"] == "rosellini2005"
+    assert printed["triangles"] == 4 * 64
+
+
+@pytest.mark.parametrize("kind", ["pebble", "disc", "lens"])
+def test_a_made_stone_is_the_stone_of_that_size(shelf, default, kind):
+    asked = default.changed({"stone": kind, "radius": 5, "thickness": 2})
+    stone = shelf.throw(asked).scene.stone
+    assert turned(asked).mass == pytest.approx(
+        getattr(Stone, kind)(radius=0.05, thickness=0.02).mass
+    )
+    # MJCF keeps six digits of a vertex, three vertices make a volume
+    assert stone.mass == pytest.approx(turned(asked).mass, rel=5e-6)
+    assert stone.thickness == pytest.approx(0.02, rel=2e-6)
+
+
+def test_a_heavier_stone_of_the_same_shape_goes_deeper_at_its_first_touch(shelf, default):
+    depths = [
+        shelf.throw(default.changed({"stone": "disc", "radius": 4, "thickness": t}))
+        .chosen.contacts[0]
+        .depth
+        for t in (0.8, 2.4)
+    ]
+    assert depths[1] > depths[0]
+
+
+def test_the_shelf_of_stones_does_not_grow_without_end(lake, default, monkeypatch):
+    monkeypatch.setattr("mjskip.play.thrown.MOST_STONES", 2)
+    with contextlib.closing(Shelf(lake)) as shelf:
+        for radius in (3, 4, 5, 6):
+            shelf.model_file(default.changed({"stone": "pebble", "radius": radius}))
+        assert len(shelf._made) == 2
+        folder = shelf._folder.name
+        assert len(os.listdir(folder)) == 2
+    assert not os.path.exists(folder)
+
+
+def test_a_throw_too_fast_for_its_time_step_is_doubted_on_the_page(shelf, default):
+    (doubt,) = shelf.throw(default.changed({"speed": 60})).doubts
+    assert "too large" in doubt
+
+
+def test_an_arms_throw_is_not_the_pages_to_choose():
+    with pytest.raises(SceneError, match="thrown by the arm"):
+        Shelf(load_scene("thrower"))
+
+
+def test_throws_from_many_tabs_at_once_are_those_made_alone(shelf, default):
+    asked = [default.changed({"speed": speed}) for speed in (8, 10, 12, 14)] * 2
+    alone = [shelf.throw(one).skips for one in asked]
+    found = [None] * len(asked)
+
+    def throw(k):
+        found[k] = shelf.throw(asked[k]).skips
+
+    threads = [threading.Thread(target=throw, args=(k,)) for k in range(len(asked))]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(PATIENCE)
+    assert found == alone
+
+
+def test_the_table_has_a_row_for_every_touch(thrown):
+    head, *rows = table(thrown.chosen)
+    assert len(rows) == len(thrown.chosen.contacts)
+    assert {len(row) for row in rows} == {len(head)}
+
+
+# What is drawn ------------------------------------------------------------------------------------
+
+
+def test_the_drawn_water_reaches_the_horizon_evenly_near_the_stone():
+    for count, even in zip(SHAPE, EVEN, strict=True):
+        at = axis(count, even, 0.04)
+        assert len(at) == count
+        assert at[-1] == pytest.approx(HORIZON)
+        np.testing.assert_allclose(at, -at[::-1])
+        first = (count - even) // 2
+        np.testing.assert_allclose(np.diff(at)[first : first + even - 1], 0.04)
+        assert (np.diff(at) > 0.0399).all()
+
+
+def test_the_faces_of_the_drawn_water_look_up():
+    water = DrawnWater()
+    corners = water.vertices(None, middle=(0, 0))[water.faces]
+    up = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert (up[:, 2] > 0).all()
+
+
+def test_the_drawn_heights_are_those_of_the_lake():
+    lake, water = Lake(), DrawnWater()
+    lake.press(1.0, 0.3, force=300.0, radius=0.4)
+    lake.advance(0.02)
+    lake.advance(0.6)
+    middle = water.place(1.03, 0.29)
+    vertices = water.vertices(lake, middle=middle)
+    near = (np.abs(vertices[:, 0]) < 2.0) & (np.abs(vertices[:, 1]) < 1.4)
+
+    def wrong_by(aside):
+        at = vertices[near, :2] + middle + (aside, 0.0)
+        return vertices[near, 2] - lake.sample(at[:, 0], at[:, 1]).elevation
+
+    highest = np.abs(vertices[:, 2]).max()
+    assert highest > 1e-3
+    # a vertex shows the mean over its 4 cm, which rounds off the sharp middle of the rings
+    assert np.abs(wrong_by(0.0)).max() < 0.1 * highest
+    # and it does so in the right place: half a cell of the lake aside fits far worse
+    for aside in (-0.01, 0.01):
+        assert 3.0 * np.std(wrong_by(0.0)) < np.std(wrong_by(aside))
+    assert vertices[-1, 2] == 0.0  # still at the horizon
+
+
+def test_a_vertex_keeps_its_place_in_the_world_as_the_grid_follows_the_stone():
+    water = DrawnWater()
+    for x in np.linspace(0.0, 0.3, 13):
+        place = water.place(float(x), 0.0)[0]
+        assert place / water.step == pytest.approx(round(place / water.step), abs=1e-9)
+        assert abs(place - x) <= 0.5 * water.step + 1e-12
+
+
+# How it is shown ----------------------------------------------------------------------------------
+
+
+class Clock:
+    """A clock that a test moves."""
+
+    def __init__(self):
+        self.now = 100.0
+
+    def __call__(self):
+        return self.now
+
+
+def test_slow_motion_changes_underway_without_a_jump():
+    clock = Clock()
+    pace = Pace(clock)
+    clock.now += 2.0
+    assert pace.time == pytest.approx(2.0)
+    pace.slow(10.0)
+    assert pace.time == pytest.approx(2.0)
+    clock.now += 5.0
+    assert pace.time == pytest.approx(2.5)
+    pace.hold(2.2)
+    assert pace.time == pytest.approx(2.2)
+    assert pace.late == pytest.approx(0.3)
+
+
+def test_the_water_of_the_show_gets_the_impulse_that_the_stone_got(thrown):
+    replay = Replay(thrown)
+    pressed, press, advance = [], replay.lake.press, replay.lake.advance
+    replay.lake.press = lambda x, y, **load: (
+        pressed.append([load["force"], None]),
+        press(x, y, **load),
+    )
+
+    def moved(duration):
+        for load in pressed:
+            load[1] = duration if load[1] is None else load[1]
+        return advance(duration)
+
+    replay.lake.advance = moved
+    while not (frame := replay.advance(replay.time + 1 / 30)).last:
+        pass
+    flight = thrown.chosen
+    taken = float(np.sum(flight.water_load[:-1] * np.diff(flight.time)))
+    assert sum(force * duration for force, duration in pressed) == pytest.approx(taken, rel=1e-9)
+    assert frame.time == pytest.approx(flight.time[-1] + AFTER)
+    assert frame.touches == len(flight.contacts)
+
+
+def test_a_frame_shows_the_stone_where_it_was(thrown):
+    flight = thrown.chosen
+    position, attitude = pose(flight, 0.2)
+    row = int(np.searchsorted(flight.time, 0.2, side="right")) - 1
+    np.testing.assert_array_equal(position, flight.x[row])
+    assert Rotation.from_quat(attitude, scalar_first=True).as_matrix()[2, 2] > 0.5
+    assert (pose(flight, 1e9)[0] == flight.x[-1]).all()
+
+
+class Stage:
+    """Takes frames, and lets a test wait for one."""
+
+    def __init__(self, **options):
+        self.frames, self.failures = [], []
+        self._changed = threading.Condition()
+        self.player = Player(self.draw, failed=self.failures.append, **options)
+
+    def draw(self, frame):
+        with self._changed:
+            self.frames.append(frame)
+            self._changed.notify_all()
+
+    def wait(self, condition):
+        with self._changed:
+            assert self._changed.wait_for(condition, timeout=PATIENCE), self.failures
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.player.close()
+        assert not self.player._thread.is_alive()
+
+
+def test_a_throw_is_shown_at_the_pace_of_the_clock(thrown):
+    with Stage() as stage:
+        begun = time.perf_counter()
+        stage.player.play(thrown)
+        stage.wait(lambda: stage.frames and stage.frames[-1].last)
+        took = time.perf_counter() - begun
+    times = [frame.time for frame in stage.frames]
+    assert times == sorted(times)
+    late = stage.frames[-1].late
+    # never ahead of the clock, and behind it only as far as it says (and by one frame)
+    assert times[-1] <= took
+    assert took - times[-1] <= late + MOST_AT_ONCE + 1.0
+    assert not stage.failures
+
+
+def test_a_machine_that_cannot_keep_up_drops_frames_and_says_how_late_it_is(thrown):
+    clock = Clock()
+    with Stage(clock=clock, fps=1e6) as stage:
+        draw = stage.draw
+
+        def slowly(frame):  # a second goes by with every frame
+            clock.now += 1.0
+            draw(frame)
+
+        stage.player._draw = slowly
+        stage.player.play(thrown)
+        stage.wait(lambda: stage.frames and stage.frames[-1].last)
+    steps = np.diff([frame.time for frame in stage.frames])
+    assert steps.max() <= MOST_AT_ONCE + 1e-9
+    assert stage.frames[-1].late > 0.7 * len(stage.frames)
+
+
+def test_a_new_throw_takes_the_place_of_the_one_that_is_shown(shelf, default, thrown):
+    other = shelf.throw(default.changed({"speed": 8}))
+    with Stage() as stage:
+        stage.player.play(thrown)
+        stage.wait(lambda: len(stage.frames) > 2)
+        stage.player.play(other)
+        stage.wait(lambda: stage.frames[-1].thrown is other and stage.frames[-1].time > 0.1)
+        first = next(frame for frame in stage.frames if frame.thrown is other)
+        assert first.time < 0.1
+        stage.player.halt()
+        count = len(stage.frames)
+        assert not stage.player.playing
+        time.sleep(0.2)
+        assert len(stage.frames) == count
+
+
+def test_slow_motion_reaches_a_show_that_runs(thrown):
+    with Stage() as stage:
+        stage.player.slow(1000.0)
+        stage.player.play(thrown)
+        stage.wait(lambda: len(stage.frames) > 3)
+        assert stage.frames[-1].time < 0.1
+        stage.player.slow(1.0)
+        stage.wait(lambda: stage.frames[-1].time > 0.5)
+
+
+def test_a_page_that_cannot_be_drawn_ends_its_show_and_no_other(thrown):
+    def broken(frame):
+        raise RuntimeError("gone")
+
+    with Stage() as stage:
+        draw, stage.player._draw = stage.player._draw, broken
+        stage.player.play(thrown)
+        deadline = time.monotonic() + PATIENCE
+        while not stage.failures and time.monotonic() < deadline:
+            time.sleep(0.01)
+        assert [str(error) for error in stage.failures] == ["gone"]
+        stage.player._draw = draw
+        stage.player.play(thrown)
+        stage.wait(lambda: stage.frames)
+
+
+def test_a_throw_over_its_own_waves_can_be_shown(shelf, default):
+    made = shelf.throw(default.changed({"surface": "waves"}))
+    assert made.chosen.attributes["surface"] == "waves"
+    frame = Replay(made).advance(made.chosen.contacts[0].entry.time + 0.1)
+    assert frame.lake.highest > 1e-3
+
+
+def test_the_water_that_is_drawn_keeps_up_with_the_clock_three_times_over(thrown):
+    replay, water = Replay(thrown), DrawnWater()
+    begun = time.process_time()
+    while not (frame := replay.advance(replay.time + 1 / 30)).last:
+        x, y, _ = frame.poses[thrown.scene.body][0]
+        water.vertices(frame.lake, middle=water.place(float(x), float(y)))
+    # processor time, which other work on the machine does not lengthen much
+    assert time.process_time() - begun < frame.time / 3.0
+
+
+# Serving ------------------------------------------------------------------------------------------
+
+viser = pytest.importorskip("viser", reason="the extra play is not installed")
+
+from mjskip.play.server import Playground, check_free, is_loopback, may_talk  # noqa: E402
+
+
+@contextlib.contextmanager
+def listener(host="127.0.0.1"):
+    with socket.socket() as taken:
+        taken.bind((host, 0))
+        taken.listen()
+        yield taken.getsockname()[1]
+
+
+def test_a_port_in_use_is_one_clear_line_and_code_2(capsys):
+    with listener() as port, pytest.raises(SystemExit) as ended:
+        main(["play", "--port", str(port)])
+    assert ended.value.code == 2
+    (line,) = [x for x in capsys.readouterr().err.splitlines() if x.startswith("mjskip: ")]
+    assert f"port {port} of 127.0.0.1 is in use" in line
+    assert "--port" in line
+
+
+REFUSED = {
+    "foreign address": ("203.0.113.1", "cannot listen at 203.0.113.1.*127.0.0.1"),
+    "unknown name": ("no.such.host.invalid", "host 'no.such.host.invalid' is unknown"),
+}
+
+
+@pytest.mark.parametrize(("host", "says"), REFUSED.values(), ids=REFUSED.keys())
+def test_nobody_listens_at_an_address_that_is_not_this_machines(host, says):
+    with pytest.raises(MjskipError, match=says):
+        check_free(host, 8080)
+
+
+def test_a_free_port_is_left_free():
+    with listener() as port:
+        pass
+    check_free("127.0.0.1", port)
+    check_free("127.0.0.1", port)
+
+
+TALK = {
+    "the page": ("http://127.0.0.1:8080", "127.0.0.1:8080", "127.0.0.1", True),
+    "by name": ("http://localhost:8080", "localhost:8080", "127.0.0.1", True),
+    "a program": (None, "127.0.0.1:8080", "127.0.0.1", True),
+    "another page": ("http://evil.example", "127.0.0.1:8080", "127.0.0.1", False),
+    "another port": ("http://127.0.0.1:9090", "127.0.0.1:8080", "127.0.0.1", False),
+    "rebound name": ("http://evil.example:8080", "evil.example:8080", "127.0.0.1", False),
+    "no page": ("null", "127.0.0.1:8080", "127.0.0.1", False),
+    "in the network": ("http://192.0.2.7:8080", "192.0.2.7:8080", "0.0.0.0", True),
+    "another, network": ("http://evil.example", "192.0.2.7:8080", "0.0.0.0", False),
+}
+
+
+@pytest.mark.parametrize(("origin", "host", "bound", "may"), TALK.values(), ids=TALK.keys())
+def test_pages_from_elsewhere_may_not_use_the_playground(origin, host, bound, may):
+    assert may_talk(origin, host, bound=bound) is may
+
+
+def test_which_addresses_are_this_machine_only():
+    assert all(map(is_loopback, ("127.0.0.1", "127.0.0.9", "::1", "localhost")))
+    assert not any(map(is_loopback, ("0.0.0.0", "192.0.2.7", "::", "example.org", "")))
+
+
+@pytest.fixture(scope="module")
+def playground(lake):
+    with contextlib.closing(Playground(lake, port=0)) as playground:
+        yield playground
+
+
+def test_the_page_is_served_on_this_machine_only_unless_told_otherwise(playground):
+    assert playground.url.startswith("http://127.0.0.1:")
+    connection = http.client.HTTPConnection("127.0.0.1", playground.port, timeout=PATIENCE)
+    connection.request("GET", "/?speed=12")
+    answer = connection.getresponse()
+    assert answer.status == 200
+    assert b"<html" in answer.read()
+    connection.close()
+    (own,) = {
+        line.split()[1]
+        for line in Path("/proc/net/tcp").read_text().splitlines()[1:]
+        if line.split()[1].endswith(f":{playground.port:04X}") and line.split()[3] == "0A"
+    }
+    assert own.startswith("0100007F")  # 127.0.0.1, as the kernel writes it
+
+
+def test_no_page_can_make_the_playground_public(playground):
+    assert playground._server.request_share_url() is None
+
+
+def test_the_default_throw_skips_on_the_page_as_at_the_command_line(playground, default):
+    assert playground._shelf.throw(default).skips >= 2
+
+
+@contextlib.contextmanager
+def served(*options):
+    """`mjskip play` as a process, and its address."""
+    command = [sys.executable, "-u", "-m", "mjskip", "play", "--port", "0", *options]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            line = process.stdout.readline()
+            assert "Ctrl-C ends" in line, process.stderr.read()
+            yield process, line
+        finally:
+            process.kill()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["Ctrl-C", "terminate"])
+def test_ctrl_c_ends_it_cleanly(number):
+    with served() as (process, line):
+        assert "http://127.0.0.1:" in line
+        assert "this machine only" in line
+        process.send_signal(number)
+        out, err = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 0
+    assert out == "mjskip play: ended\n"
+    assert err == ""
+
+
+def test_listening_to_everybody_is_said():
+    with served("--host", "0.0.0.0") as (process, line):
+        assert "anybody who reaches this machine" in line
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=PATIENCE)
+
+
+def test_throw_of_the_page_in_radians():
+    asked = Settings(speed=3, spin=1, attack=90, descent=0, bank=0, height=0)
+    assert asked.throw == Throw(
+        speed=3.0, spin=2 * math.pi, attack=math.pi / 2, descent=0.0, bank=0.0, height=0.0
+    )
