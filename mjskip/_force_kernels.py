@@ -40,7 +40,8 @@ WEIGHT_DENSITY = 16  # rho g if the water bears [N/m^3], or 0
 SKIN_DENSITY = 17  # rho if the water rubs, or 0
 VISCOSITY = 18  # kinematic [m^2/s]
 LENGTH = 19  # of the body along the flow, for its Reynolds number [m]
-HEADER = 20
+FORWARD = 20  # 1: the load of a face acts ahead of the middle of its wet part, by Rayleigh
+HEADER = 21
 
 CORNERS = 0
 NORMAL = 9
@@ -147,13 +148,46 @@ def _surface(patch: Any, state: Any, x: float, y: float, z: float, speed: int) -
 
 
 @kernel
+def _pressure_centre(
+    rx: float, ry: float, rz: float, nx: float, ny: float, nz: float,
+    vx: float, vy: float, vz: float, ux: float, uy: float, uz: float,
+    depth: float, radius: float,
+) -> tuple[float, float, float]:  # fmt: skip
+    """Where the load of a piece of a face acts when the flow of water along the face is counted.
+
+        x / l = 3/4 cos(theta) / (4 + pi sin(theta))
+
+    ahead of the middle of a plate of length l at an angle theta to a stream that leaves a cavity behind it:
+    Rayleigh, Phil. Mag. (5) 2:430 (1876); Lamb, Hydrodynamics, art. 77. The wet face is taken as such plates
+    side by side, strips along the motion. A strip begins where the face leaves the water, or at the front of
+    the body (the sphere that holds it). A piece whose centroid lies s behind that is moved by 2 s x / l: s
+    is l / 2 on average over a strip, so the strip's load acts where it should however it is cut.
+    """
+    vn = vx * nx + vy * ny + vz * nz
+    sx, sy, sz = vx - vn * nx, vy - vn * ny, vz - vn * nz
+    along = math.sqrt(sx * sx + sy * sy + sz * sz)
+    if along == 0.0:
+        return rx, ry, rz
+    sx, sy, sz = sx / along, sy / along, sz / along
+    ahead = rx * sx + ry * sy + rz * sz
+    room = radius * radius - (rx * rx + ry * ry + rz * rz) + ahead * ahead
+    way = max(math.sqrt(max(room, 0.0)) - ahead, 0.0)
+    rise = sx * ux + sy * uy + sz * uz
+    if rise * way > depth:
+        way = depth / rise
+    way *= 1.5 * along / (4.0 * math.sqrt(along * along + vn * vn) + math.pi * abs(vn))
+    return rx + way * sx, ry + way * sy, rz + way * sz
+
+
+@kernel
 def body_wrench(block: Any, state: Any, out: Any) -> None:
     """Force and torque of water and air about the centre of mass, world frame, into out (12,).
 
         F_i = -S_im [ (a (V.n)^2 + b U (V.n) + c U^2) n + d U^2 t ],  tau_i = r_i x F_i
         F_air = -rho_air (V.n) |V.n| S_disc n,  tau_air = r x F_air
 
-    r_i runs to the centroid of the immersed part of triangle i. V is taken against the water, which
+    r_i runs to the centroid of the immersed part of triangle i, or to the pressure centre of its strips
+    (`_pressure_centre`). V is taken against the water, which
     moves up and down with its surface; U and the gate of the paper take the surface under the centre of mass.
     """
     # velocity, angular velocity and the upward vertical in body axes
@@ -199,6 +233,7 @@ def body_wrench(block: Any, state: Any, out: Any) -> None:
         plain, friction = block[SPEED_SQUARED], block[FRICTION]
         speed2 = vx * vx + vy * vy + vz * vz
         speed = math.sqrt(speed2)
+        forward = block[FORWARD] != 0.0
         third = 1.0 / 3.0
         for i in range(int(block[N_TRIANGLES])):
             k = HEADER + i * ROW
@@ -223,6 +258,13 @@ def body_wrench(block: Any, state: Any, out: Any) -> None:
                 rx, ry, rz = (ax + bx + cx) * third, (ay + by + cy) * third, (az + bz + cz) * third
             else:
                 fraction, rx, ry, rz = immersed_part(ax, ay, az, ha, bx, by, bz, hb, cx, cy, cz, hc)
+            if forward:
+                depth = -(z + ux * rx + uy * ry + uz * rz)
+                if waves:
+                    depth += _surface(patch, state, rx, ry, rz, 0)
+                rx, ry, rz = _pressure_centre(
+                    rx, ry, rz, nx, ny, nz, vx, vy, vz, ux, uy, uz, depth, block[RADIUS]
+                )
             vn = (
                 vn_centre
                 + (wy * rz - wz * ry) * nx

@@ -105,6 +105,7 @@ def pack(stone: Stone, water: Water, *, gravity: float = 9.81) -> Array:
     block[kernels.SPEED_NORMAL] = water.density * law.speed_normal
     block[kernels.SPEED_SQUARED] = water.density * law.speed_squared
     block[kernels.FRICTION] = water.density * law.friction
+    block[kernels.FORWARD] = law.forward
     block[kernels.WEIGHT_DENSITY] = water.density * gravity if water.buoyancy else 0.0
     block[kernels.SKIN_DENSITY] = water.density if water.skin_friction else 0.0
     block[kernels.VISCOSITY] = water.viscosity

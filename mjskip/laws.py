@@ -8,6 +8,9 @@ S immersed area of the face, n its outward normal, V its velocity through the wa
 the immersed part, U the speed of the stone's centre of mass, t the unit vector of the motion of the
 centre of mass along the face. U and t belong to the stone, not to the face: the rim of a spinning disc
 is fast in its own plane, and neither lift nor friction of these laws was measured on that motion.
+
+The literature lets F act at the centroid of the immersed part. Water under a plate presses most near its
+front; `forward` moves F to the pressure centre of Rayleigh (1876), see docs/validation.md.
 """
 
 from dataclasses import dataclass
@@ -22,6 +25,7 @@ class ForceLaw:
         speed_normal: b, of U (V.n).
         speed_squared: c, of U^2 against the normal.
         friction: d, of U^2 along the face.
+        forward: whether F acts ahead of the middle of the wet strips of the face, by Rayleigh.
         source: where the law comes from.
     """
 
@@ -29,6 +33,7 @@ class ForceLaw:
     speed_normal: float = 0.0
     speed_squared: float = 0.0
     friction: float = 0.0
+    forward: bool = False
     source: str
 
 
@@ -49,5 +54,15 @@ LAWS: dict[str, ForceLaw] = {
         speed_squared=0.5,
         friction=0.5,
         source="Bocquet, Am. J. Phys. 71:150, 2003, C_l = C_f = 1",
+    ),
+    "lee2010_forward": ForceLaw(
+        normal_squared=1.0,
+        forward=True,
+        source="lee2010 at the pressure centre of Rayleigh, Phil. Mag. (5) 2:430, 1876",
+    ),
+    "rosellini2005_forward": ForceLaw(
+        speed_normal=0.5,
+        forward=True,
+        source="rosellini2005 at the pressure centre of Rayleigh, Phil. Mag. (5) 2:430, 1876",
     ),
 }

@@ -14,6 +14,11 @@ from mjskip.laws import LAWS
 from mjskip.water import GATES
 
 waters = st.builds(Water, gate=st.sampled_from(GATES), law=st.sampled_from(list(LAWS)))
+centred = st.builds(  # laws whose load acts at the centroid: a strip that begins at the front does not split
+    Water,
+    gate=st.sampled_from(GATES),
+    law=st.sampled_from([name for name, law in LAWS.items() if not law.forward]),
+)
 PEBBLE = Stone.pebble()
 
 
@@ -210,7 +215,7 @@ def test_the_order_of_triangles_does_not_matter(stone, motion, water, seed):
     assert_same_wrench(shuffled, water, motion, expected)
 
 
-@given(stones, motions(), waters)
+@given(stones, motions(), centred)
 def test_splitting_triangles_changes_nothing_for_pure_translation(stone, motion, water):
     motion = motion | {"omega": np.zeros(3)}
     vertices, faces = trimesh.remesh.subdivide(stone.vertices, stone.faces)
