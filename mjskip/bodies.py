@@ -49,7 +49,7 @@ def body_stone(model: mujoco.MjModel, body: int, *, geoms: Sequence[str] | None 
     vertices: list[Array] = []
     faces: list[npt.NDArray[np.int32]] = []
     for geom in chosen:
-        mesh = _solid(model, geom)
+        mesh = geom_solid(model, geom)
         turn = matrices(model.geom_quat[geom])
         faces.append(np.asarray(mesh.faces, dtype=np.int32) + sum(map(len, vertices)))
         vertices.append(np.asarray(mesh.vertices) @ turn.T + model.geom_pos[geom])
@@ -87,7 +87,7 @@ def find_body(model: mujoco.MjModel, name: str) -> int:
     return int(body)
 
 
-def _solid(model: mujoco.MjModel, geom: int) -> trimesh.Trimesh:
+def geom_solid(model: mujoco.MjModel, geom: int) -> trimesh.Trimesh:
     """A geom's surface in its own frame. Round primitives keep their volume: meshes inscribed in them
     are scaled up a little (the sphere's by 0.3%)."""
     kind = mujoco.mjtGeom(model.geom_type[geom])

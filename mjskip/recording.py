@@ -6,6 +6,7 @@ Both engines hand over nothing but motion; forces and immersion are worked out h
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -57,12 +58,21 @@ class Log:
     """Collects the motion of one stone, chunk by chunk, and says when it is over."""
 
     def __init__(
-        self, name: str, stone: Stone, water: Water, limits: Limits, *, gravity: float = 9.81
+        self,
+        name: str,
+        stone: Stone,
+        water: Water,
+        limits: Limits,
+        *,
+        gravity: float = 9.81,
+        inside: Callable[[float, float], bool] | None = None,
     ) -> None:
+        """Begin a log; `inside` says whether a place (x, y) [m] is over the lake, always if None."""
         self.name = name
         self.stone = stone
         self.limits = limits
         self.end: str | None = None
+        self._inside = inside
         self._block = pack(stone, water, gravity=gravity)
         self._times: list[Array] = []
         self._states: list[Array] = []
@@ -95,21 +105,19 @@ class Log:
         with np.errstate(all="ignore"):
             observed = observe(self._block, states) if observed is None else observed
         good = np.isfinite(states).all(axis=1) & np.isfinite(observed).all(axis=1)
-        if not good.all():
-            k = int(np.argmin(good))
-            last = states[k - 1] if k else (self._states[-1][-1] if self._states else states[0])
-            raise DivergedError(
-                f"body {self.name!r} diverged at t = {times[k]:.6g} s: the water's force or the motion "
-                f"is not finite (last finite speed {np.linalg.norm(last[12:15]):.4g} m/s); use a "
-                "smaller time step",
-                body=self.name,
-                time=float(times[k]),
-            )
-        keep = len(times)
         for k, time in enumerate(times):
-            reason = self._verdict(float(time), states[k], float(observed[k, 16]))
-            if reason is not None:
-                self.end, keep = reason, k + 1
+            if not good[k]:
+                last = states[k - 1] if k else (self._states[-1][-1] if self._states else states[0])
+                raise DivergedError(
+                    f"body {self.name!r} diverged at t = {time:.6g} s: the water's force or the motion "
+                    f"is not finite (last finite speed {np.linalg.norm(last[12:15]):.4g} m/s); use a "
+                    "smaller time step",
+                    body=self.name,
+                    time=float(time),
+                )
+            keep = k + 1
+            self.end = self._verdict(float(time), states[k], float(observed[k, 16]))
+            if self.end is not None:
                 break
         self._times.append(times[:keep])
         self._states.append(states[:keep])
@@ -131,6 +139,8 @@ class Log:
             self._since_fast = time
         if state[2] < -limits.sink_depth * self.stone.radius:
             return "sunk"
+        if self._inside is not None and not self._inside(float(state[0]), float(state[1])):
+            return "left the lake"
         if time - self._since_fast >= limits.rest_time:
             return "at rest"
         if time - self._since_dry > limits.max_contact and clearance < 0.0:

@@ -22,6 +22,7 @@ from mjskip.arm import Arm
 from mjskip.bodies import body_name, body_stone, find_body, free_bodies
 from mjskip.errors import SceneError
 from mjskip.lakes import Lake
+from mjskip.obstacles import land_of
 from mjskip.plugin import NAME, plugin_water, register_plugin
 from mjskip.stone import Stone
 from mjskip.throw import Throw
@@ -33,10 +34,12 @@ WATER = {field.name for field in fields(Water)}
 FIELD = {"shape", "spacing", "wave_speed", "damping", "stencil", "boundary", "centre"}
 THROW = {field.name for field in fields(Throw)}
 TEXTS = {"gate", "law", "stencil", "boundary"}
-SWITCHES = {field.name for field in fields(Water) if field.type in (bool, "bool")}
+SWITCHES = {field.name for field in fields(Water) if field.type in (bool, "bool")} | {"obstacles"}
 DEFAULT_SHAPE = (512, 512)
 """Cells of a lake with walls whose scene does not say: `HeightField`'s, rounded up to whole tiles."""
 PAIRS = {"shape", "centre"}
+OBSTACLES = "obstacles"
+"""Switch: fixed geoms that pierce the surface are land in the scene's `HeightField`."""
 CONTROL, RELEASE = "control.", "release."
 
 
@@ -50,6 +53,7 @@ class Scene:
         body: name of the stone that is asked about.
         water: the fluid about the chosen body.
         grid: arguments of the scene's `HeightField`.
+        obstacles: whether fixed geoms that pierce the surface are land in it.
         throws: the throw of every free body, by name.
         own: names of the throw settings that the scene gives to single bodies, by body.
         plugged: the water of every body that has it from the engine plugin, by name; of all or none.
@@ -62,6 +66,7 @@ class Scene:
     body: str
     water: Water
     grid: Mapping[str, Any]
+    obstacles: bool
     throws: Mapping[str, Throw]
     own: Mapping[str, frozenset[str]]
     plugged: Mapping[str, Water]
@@ -89,7 +94,10 @@ class Scene:
 
     def field(self) -> HeightField:
         """A fresh water surface with this scene's settings."""
-        return HeightField(**self.grid)
+        field = HeightField(**self.grid)
+        if not self.obstacles:
+            return field
+        return HeightField(**self.grid, land=land_of(self.model, field.x, field.y))
 
     def lake(self) -> Lake:
         """Fresh two-way water: endless if the scene's boundary absorbs, else inside its walls.
@@ -97,6 +105,11 @@ class Scene:
         Raises:
             ValueError: the walls are not on tiles, or the scene asks for what lakes of tiles lack.
         """
+        if self.obstacles:
+            raise ValueError(
+                f"{self.path}: {PREFIX}{OBSTACLES} is on, and lakes of tiles know no land: throw over "
+                "still water, or switch it off"
+            )
         grid = dict(self.grid)
         stencil = grid.pop("stencil", "nine_point")
         boundary = grid.pop("boundary", "reflect")
@@ -188,6 +201,7 @@ def load_scene(path: str | os.PathLike[str] = "lake", *, body: str | None = None
             body=chosen,
             water=plugged.get(chosen) or Water(**{k: v for k, v in settings.items() if k in WATER}),
             grid={k: v for k, v in settings.items() if k in FIELD},
+            obstacles=settings.get(OBSTACLES, False),
             throws={name: Throw(**_one(settings, name)) for name in names},
             own={name: frozenset(k for k in THROW if f"{k}.{name}" in settings) for name in names},
             plugged=plugged,
@@ -248,7 +262,7 @@ def _settings(model: mujoco.MjModel, file: Path, bodies: list[str]) -> dict[str,
     single = {f"{key}.{name}" for key in THROW for name in bodies}
     moved = {f"{CONTROL}{model.actuator(k).name}" for k in range(model.nu)}
     moved |= {f"{RELEASE}{model.equality(k).name}" for k in range(model.neq)}
-    known = WATER | FIELD | THROW | single | moved
+    known = WATER | FIELD | THROW | {OBSTACLES} | single | moved
     found: dict[str, Any] = {}
     entries: list[tuple[str, Any]] = [
         (model.numeric(k).name, model.numeric(k).data.tolist()) for k in range(model.nnumeric)
@@ -262,7 +276,7 @@ def _settings(model: mujoco.MjModel, file: Path, bodies: list[str]) -> dict[str,
             continue
         key = name.removeprefix(PREFIX)
         if key not in known:
-            listed = ", ".join(PREFIX + k for k in sorted(WATER | FIELD | THROW))
+            listed = ", ".join(PREFIX + k for k in sorted(WATER | FIELD | THROW | {OBSTACLES}))
             raise SceneError(
                 f"{file}: unknown setting {name!r}; known are {listed}, and throw settings with "
                 f".<body> behind them (bodies: {', '.join(bodies)})"

@@ -130,18 +130,20 @@ def simulate_all(
         scene, integrator, timestep, frozen_attitude=frozen_attitude
     )
     gravity = float(-scene.model.opt.gravity[2])
+    lake = scene.lake() if surface == "waves" else None
+    inside = lake.contains if lake is not None and lake.shape is not None else None
     logs = {
-        name: Log(name, stone, scene.water_of(name), limits, gravity=gravity)
+        name: Log(name, stone, scene.water_of(name), limits, gravity=gravity, inside=inside)
         for name, stone in scene.stones.items()
     }
     warm_up()
     begun = time.perf_counter()
     with machine:
-        if surface == "still":
+        if lake is None:
             _over_still_water(machine, logs, timestep)
         else:
             moving = MovingSurface(
-                scene.lake(),
+                lake,
                 machine.blocks,
                 density=scene.water.density,
                 gravity=gravity,

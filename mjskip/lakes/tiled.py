@@ -23,6 +23,9 @@ NO_MASK = np.zeros((0, 0), np.float32)
 SMALLEST_POOL = 8
 """Tiles there is always room for."""
 
+MANY_TILES = 256
+"""With more of them the room for a change of step is given back after it; with fewer that costs more."""
+
 Tile = tuple[int, int]
 
 
@@ -120,6 +123,8 @@ class TiledWater:
         np.subtract(level[used], self.z[used], out=before[used])
         self.z, self.prev = level, before
         self._sweep(-1.0, 0.5 * rate2 * t1 * t1)
+        if self.used > MANY_TILES:
+            self._spare = None
 
     def _sweep(self, q: float, s: float) -> None:
         tiles.step_tiles(
@@ -145,7 +150,7 @@ class TiledWater:
             return slot
         slot = self.used
         if slot + 1 == len(self.z):  # the kernel reads one cell into the slot after the last
-            self._resize(2 * slot + 2)
+            self._resize(slot + slot // 4 + SMALLEST_POOL)
         self.used += 1
         self.z[slot] = 0.0
         self.prev[slot] = 0.0
