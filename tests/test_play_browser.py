@@ -183,8 +183,11 @@ def test_a_page_outlives_a_server_that_is_killed_mid_throw(new_page):
         server.wait(PATIENCE / 1e3)
     with pytest.raises(OSError, match="refused"):
         urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=PATIENCE / 1e3)
-    expect(button(page, "Throw")).to_have_count(0, timeout=PATIENCE)
+    # nothing can be pressed any more
+    expect(button(page, "Throw")).to_have_css("pointer-events", "none", timeout=PATIENCE)
+    lost = button(page, "Throw").get_attribute("id")
     with serving():
         # the page comes back by itself, and its address still holds the throw: it is thrown again
-        button(page, "Throw").wait_for()
+        expect(page.locator(f"[id='{lost}']")).to_have_count(0, timeout=PATIENCE)
+        expect(button(page, "Throw")).to_have_css("pointer-events", "auto", timeout=PATIENCE)
         expect(page.locator("table.touches tbody tr").first).to_be_attached(timeout=PATIENCE)
