@@ -562,3 +562,167 @@ def test_throw_of_the_page_in_radians():
     assert asked.throw == Throw(
         speed=3.0, spin=2 * math.pi, attack=math.pi / 2, descent=0.0, bank=0.0, height=0.0
     )
+
+
+# The page as a program would talk to it -----------------------------------------------------------
+
+
+class Page:
+    """A client of the playground without a browser: it only sends."""
+
+    def __init__(self, playground, *, origin=None):
+        import msgspec
+        from viser import _messages
+        from websockets.sync.client import connect
+
+        self._encode = msgspec.msgpack.encode
+        before = set(playground.tabs)
+        origin = origin or playground.url
+        self.socket = connect(
+            playground.url.replace("http", "ws"),
+            origin=origin,
+            subprotocols=[f"viser-v{viser.__version__}"],
+            max_size=None,
+        )
+        self.send(
+            _messages.ViewerCameraMessage(
+                wxyz=(1.0, 0.0, 0.0, 0.0),
+                position=(1.0, 1.0, 1.0),
+                fov=1.0,
+                near=0.1,
+                far=100.0,
+                image_height=100,
+                image_width=100,
+                look_at=(0.0, 0.0, 0.0),
+                up_direction=(0.0, 0.0, 1.0),
+            )
+        )
+        self.tab = None
+        if origin == playground.url:
+            wait_until(lambda: set(playground.tabs) - before)
+            (number,) = set(playground.tabs) - before
+            self.tab = playground.tabs[number]
+            wait_until(lambda: hasattr(self.tab, "_player"))
+
+    def send(self, message):
+        self.socket.send(self._encode(message.as_serializable_dict()))
+
+    def set(self, control, value):
+        from viser import _messages
+
+        uuid = self.tab._controls[control]._impl.uuid
+        self.send(_messages.GuiUpdateMessage(uuid=uuid, updates={"value": value}))
+
+    def listen(self):
+        """Until the connection ends."""
+        while True:
+            self.socket.recv(timeout=PATIENCE)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.socket.close()
+
+
+def wait_until(condition):
+    deadline = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < deadline, "it never happened"
+        time.sleep(0.01)
+
+
+# what is still on its way to a page that has gone is lost, and viser says so
+gone = pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection")
+
+
+@gone
+def test_a_page_of_another_origin_is_turned_away(playground):
+    from websockets.exceptions import ConnectionClosed
+
+    with Page(playground, origin="http://evil.example") as page:
+        with pytest.raises(ConnectionClosed) as closed:
+            page.listen()
+        assert closed.value.rcvd.code == 1008
+    assert not playground.tabs
+
+
+@gone
+@pytest.mark.parametrize("value", [1e9, -3, math.nan, math.inf])
+def test_a_forged_slider_throws_nothing_and_is_told_why(playground, value):
+    with Page(playground) as page:
+        page.set("speed", value)
+        page.set("Throw", True)
+        wait_until(lambda: "No throw" in page.tab._controls["status"].content)
+        assert "between 0 and 1000 m/s" in page.tab._controls["status"].content
+        assert page.tab.thrown is None
+        page.set("speed", 12.0)
+        page.set("Throw", True)
+        wait_until(lambda: page.tab.thrown is not None)
+    wait_until(lambda: not playground.tabs)
+
+
+@gone
+def test_a_forged_choice_is_refused(playground):
+    with Page(playground) as page:
+        page.set("law", "<script>alert(1)</script>")
+        page.set("Throw", True)
+        wait_until(lambda: "law is" in page.tab._controls["status"].content)
+        assert "<script>" not in page.tab._controls["status"].content
+        assert page.tab.thrown is None
+    wait_until(lambda: not playground.tabs)
+
+
+@gone
+def test_two_tabs_do_not_mix_their_throws(playground):
+    with Page(playground) as one, Page(playground) as two:
+        two.set("speed", 20.0)
+        one.set("Throw", True)
+        two.set("Throw", True)
+        wait_until(lambda: one.tab.thrown and two.tab.thrown)
+        wait_until(lambda: one.tab.frames > 1 and two.tab.frames > 1)
+        assert one.tab.thrown.settings.speed == 12.0
+        assert two.tab.thrown.settings.speed == 20.0
+        assert one.tab._nodes["water"] is not two.tab._nodes["water"]
+        mine = one.tab.thrown
+        two.set("Reset", True)
+        wait_until(lambda: two.tab._controls["speed"].value == 12.0)
+        assert one.tab.thrown is mine
+        assert one.tab._player.playing
+    wait_until(lambda: not playground.tabs)
+
+
+@gone
+def test_a_tab_that_closes_mid_throw_leaves_no_thread_behind(playground):
+    with Page(playground) as page:
+        page.set("Throw", True)
+        wait_until(lambda: page.tab.frames > 1)
+        thread = page.tab._player._thread
+    wait_until(lambda: not thread.is_alive())
+
+
+@gone
+def test_only_so_many_tabs_are_served(playground, monkeypatch):
+    monkeypatch.setattr("mjskip.play.server.MOST_TABS", 1)
+    with Page(playground) as page:
+        before = set(playground.tabs)
+        from mjskip.play import server
+
+        assert server.MOST_TABS == len(before) == 1
+        playground._welcome(page.tab.client)  # one more
+        assert set(playground.tabs) == before
+    wait_until(lambda: not playground.tabs)
+
+
+@gone
+def test_again_shows_the_last_throw_whatever_the_controls_say_now(playground):
+    with Page(playground) as page:
+        page.set("Throw", True)
+        wait_until(lambda: page.tab.frames > 1)
+        last = page.tab.thrown
+        page.set("speed", 20.0)
+        page.set("Again", True)
+        frames = page.tab.frames
+        wait_until(lambda: page.tab.frames > frames + 3)
+        assert page.tab.thrown is last
+    wait_until(lambda: not playground.tabs)
