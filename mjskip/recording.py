@@ -105,19 +105,21 @@ class Log:
         with np.errstate(all="ignore"):
             observed = observe(self._block, states) if observed is None else observed
         good = np.isfinite(states).all(axis=1) & np.isfinite(observed).all(axis=1)
+        if not good.all():
+            k = int(np.argmin(good))
+            last = states[k - 1] if k else (self._states[-1][-1] if self._states else states[0])
+            raise DivergedError(
+                f"body {self.name!r} diverged at t = {times[k]:.6g} s: the water's force or the motion "
+                f"is not finite (last finite speed {np.linalg.norm(last[12:15]):.4g} m/s); use a "
+                "smaller time step",
+                body=self.name,
+                time=float(times[k]),
+            )
+        keep = len(times)
         for k, time in enumerate(times):
-            if not good[k]:
-                last = states[k - 1] if k else (self._states[-1][-1] if self._states else states[0])
-                raise DivergedError(
-                    f"body {self.name!r} diverged at t = {time:.6g} s: the water's force or the motion "
-                    f"is not finite (last finite speed {np.linalg.norm(last[12:15]):.4g} m/s); use a "
-                    "smaller time step",
-                    body=self.name,
-                    time=float(time),
-                )
-            keep = k + 1
-            self.end = self._verdict(float(time), states[k], float(observed[k, 16]))
-            if self.end is not None:
+            reason = self._verdict(float(time), states[k], float(observed[k, 16]))
+            if reason is not None:
+                self.end, keep = reason, k + 1
                 break
         self._times.append(times[:keep])
         self._states.append(states[:keep])
