@@ -28,6 +28,8 @@ SingleArray = npt.NDArray[np.float32]
 Indices = npt.NDArray[np.int64]
 Image = npt.NDArray[np.uint8]
 
+ALIKE = 0.07  # of full brightness: neighbours that differ by less need nothing traced between them
+
 
 @kernel
 def meet(
@@ -118,19 +120,29 @@ def ray(numbers: Array, a: float, b: float) -> tuple[Vector, float]:
 
 
 @kernel
-def look_under(
-    heights: SingleArray, levels: Indices, tall: SingleArray, ripples: SingleArray,
-    ground: SingleArray, bottom: SingleArray, stones: Array, numbers: Array,
-    first: int, last: int, out: SingleArray,
-) -> None:  # fmt: skip
-    """What is seen under water through each point of a coarse picture, as if nothing were in front.
+def reflection(d: Vector, n: Vector) -> tuple[float, Vector]:
+    """Share of the light that is mirrored towards an eye above the water, and where it comes from."""
+    cosine = -(d[0] * n[0] + d[1] * n[1] + d[2] * n[2])
+    x, y = d[0] + 2.0 * cosine * n[0], d[1] + 2.0 * cosine * n[1]
+    z = max(d[2] + 2.0 * cosine * n[2], 0.01)
+    one = 1.0 / math.sqrt(x * x + y * y + z * z)
+    return fresnel(cosine, 1.0 / INDEX), (x * one, y * one, z * one)
 
-    Seen through water things are soft: half as many pixels each way are enough.
+
+@kernel
+def sketch(
+    heights: SingleArray, levels: Indices, tall: SingleArray, ripples: SingleArray,
+    ground: SingleArray, bottom: SingleArray, panorama: Image, stones: Array, sky: Array,
+    numbers: Array, first: int, last: int, out: SingleArray,
+) -> None:  # fmt: skip
+    """The water through each point of a coarse picture, as if nothing were in front.
 
     Args:
         first: row of `out`.
         last: one past the last.
-        out: (h, w, 4) colours and depth of the bottom [m], rows from the top; others as in `shade`.
+        out: (h, w, 8) colours seen under water and depth of the bottom [m]; for an eye above it the
+            colours of the water and one over its distance [1/m], 0 where there is none; rows from
+            the top; others as in `shade`.
     """
     h, w = out.shape[0], out.shape[1]
     side = 1.0 if numbers[EYE + 2] > 0.0 else -1.0
@@ -138,8 +150,9 @@ def look_under(
         b = 1.0 - (2.0 * row + 1.0) / h
         for column in range(w):
             d, _ = ray(numbers, (2.0 * column + 1.0) / w - 1.0, b)
-            t, point, n, _, width = strike(heights, levels, tall, ripples, numbers, d, 200.0)
+            t, point, n, variance, width = strike(heights, levels, tall, ripples, numbers, d, 200.0)
             if t == AWAY:
+                out[row, column, 7] = 0.0
                 if side > 0.0:
                     out[row, column, 3] = AWAY
                     continue
@@ -152,35 +165,59 @@ def look_under(
             colour, depth = below(
                 heights, levels, tall, ripples, ground, bottom, stones, numbers, point, down, width
             )
-            out[row, column, 0] = colour[0]
-            out[row, column, 1] = colour[1]
-            out[row, column, 2] = colour[2]
             out[row, column, 3] = depth
+            for k in range(3):
+                out[row, column, k] = colour[k]
+            if side > 0.0:
+                part, up = reflection(d, n)
+                seen = above(stones, sky, panorama, numbers, point, up, variance)
+                for k in range(3):
+                    out[row, column, 4 + k] = min(part * seen[k] + (1.0 - part) * colour[k], 1.0)
+                out[row, column, 7] = 1.0 / t
 
 
 @kernel
-def blend(under: SingleArray, a: float, b: float) -> tuple[float, float, float, float]:
-    """Bilinear sample of a coarse picture at a place (0 to 1, from the left and from the top)."""
-    h, w = under.shape[0], under.shape[1]
-    u, v = min(max(a * w - 0.5, 0.0), w - 1.001), min(max(b * h - 0.5, 0.0), h - 1.001)
-    i, j = int(v), int(u)
-    s, t = u - j, v - i
-    if under[i, j, 3] == AWAY:  # above the horizon: nothing to blend with
-        i, t = i + 1, 0.0
-    p, q, r, e = (1.0 - s) * (1.0 - t), s * (1.0 - t), (1.0 - s) * t, s * t
-    return (
-        p * under[i, j, 0] + q * under[i, j + 1, 0] + r * under[i + 1, j, 0] + e * under[i + 1, j + 1, 0],
-        p * under[i, j, 1] + q * under[i, j + 1, 1] + r * under[i + 1, j, 1] + e * under[i + 1, j + 1, 1],
-        p * under[i, j, 2] + q * under[i, j + 1, 2] + r * under[i + 1, j, 2] + e * under[i + 1, j + 1, 2],
-        p * under[i, j, 3] + q * under[i, j + 1, 3] + r * under[i + 1, j, 3] + e * under[i + 1, j + 1, 3],
-    )  # fmt: skip
+def find_smooth(coarse: SingleArray, smooth: Image) -> None:
+    """Where four neighbours of a coarse picture are so alike that what is between them is too.
+
+    Args:
+        coarse: from `sketch`.
+        smooth: out (h, w), 1 where the point and its neighbours right and below are.
+    """
+    h, w = coarse.shape[0], coarse.shape[1]
+    smooth[h - 1] = 0
+    smooth[:, w - 1] = 0
+    for i in range(h - 1):
+        for j in range(w - 1):
+            least = min(
+                min(coarse[i, j, 7], coarse[i, j + 1, 7]),
+                min(coarse[i + 1, j, 7], coarse[i + 1, j + 1, 7]),
+            )
+            alike = least > 0.0
+            for k in range(4, 7):
+                a, b, c, d = (
+                    coarse[i, j, k],
+                    coarse[i, j + 1, k],
+                    coarse[i + 1, j, k],
+                    coarse[i + 1, j + 1, k],
+                )
+                if max(max(a, b), max(c, d)) - min(min(a, b), min(c, d)) > ALIKE:
+                    alike = False
+            smooth[i, j] = 1 if alike else 0
+
+
+@kernel
+def between(coarse: SingleArray, i: int, j: int, s: float, t: float, k: int) -> float:
+    """Bilinear sample of a channel, a share t down and s right of a point."""
+    top = (1.0 - s) * coarse[i, j, k] + s * coarse[i, j + 1, k]
+    return (1.0 - t) * top + t * ((1.0 - s) * coarse[i + 1, j, k] + s * coarse[i + 1, j + 1, k])
 
 
 @kernel
 def shade(
     heights: SingleArray, levels: Indices, tall: SingleArray, ripples: SingleArray,
     bottom: SingleArray, panorama: Image, stones: Array, sky: Array, numbers: Array,
-    under: SingleArray, picture: Image, distances: SingleArray, first: int, last: int, out: Image,
+    coarse: SingleArray, smooth: Image, picture: Image, distances: SingleArray, first: int, last: int, out: Image,
 ) -> None:  # fmt: skip
     """Draw the water into rows first to last of a picture of everything else.
 
@@ -197,7 +234,8 @@ def shade(
         stones: (s, 16), see `mjskip.optics.pack_stones`.
         sky: (n, 3) colours by the vertical part of the direction, 0 to 1.
         numbers: (52,) see the top of this file.
-        under: from `look_under`.
+        coarse: from `sketch`, half as many points each way: what is seen through water is soft.
+        smooth: from `find_smooth`: where that is enough; elsewhere every pixel is traced.
         picture: (h, w, 3) without water, rows from the bottom as OpenGL gives them.
         distances: (h, w) along the view [m], likewise.
         first: row of `out`.
@@ -206,47 +244,63 @@ def shade(
     """
     h, w = distances.shape
     sunk = numbers[EYE + 2] < 0.0
+    rows, columns = smooth.shape
     for row in range(first, last):
         line = h - 1 - row
+        down = min(max((row + 0.5) / h * rows - 0.5, 0.0), rows - 1.001)
+        i, v = int(down), down - int(down)
         for column in range(w):
             a, b = (column + 0.5) / w, (row + 0.5) / h
+            right = min(max(a * columns - 0.5, 0.0), columns - 1.001)
+            j, u = int(right), right - int(right)
             d, scale = ray(numbers, 2.0 * a - 1.0, 1.0 - 2.0 * b)
             reach = distances[line, column] * scale
-            t, point, n, variance, _ = strike(heights, levels, tall, ripples, numbers, d, reach)
-            if t == AWAY and not sunk:
-                for k in range(3):
-                    out[row, column, k] = picture[line, column, k]
-                continue
-            share, length = 1.0, min(t, reach)
-            colour = (0.0, 0.0, 0.0)
-            if t < AWAY:
-                r, g, c, depth = blend(under, a, b)
-                cosine = -(d[0] * n[0] + d[1] * n[1] + d[2] * n[2])
-                if sunk:
-                    part = 1.0 - fresnel(cosine, INDEX)
-                    beyond = refract(d, n, INDEX)
+            share, length, t = 1.0, reach, AWAY
+            red, green, blue = 0.0, 0.0, 0.0
+            if smooth[i, j] == 1 and not sunk:
+                t = 1.0 / between(coarse, i, j, u, v, 7)
+                if t > reach:
+                    t = AWAY
                 else:
-                    part = fresnel(cosine, 1.0 / INDEX)
-                    x, y = d[0] + 2.0 * cosine * n[0], d[1] + 2.0 * cosine * n[1]
-                    z = max(d[2] + 2.0 * cosine * n[2], 0.01)
-                    one = 1.0 / math.sqrt(x * x + y * y + z * z)
-                    beyond = (x * one, y * one, z * one)
-                    if depth < 0.3:  # the bank goes on into the water as it is drawn
-                        share = max(depth, 0.0) / 0.3
-                if part > 0.0:
-                    seen = above(stones, sky, panorama, numbers, point, beyond, variance)
-                    colour = (part * seen[0], part * seen[1], part * seen[2])
-                rest = 1.0 - part
-                colour = (colour[0] + rest * r, colour[1] + rest * g, colour[2] + rest * c)
-            else:  # an eye under water, a ray that stays there
+                    red = between(coarse, i, j, u, v, 4)
+                    green = between(coarse, i, j, u, v, 5)
+                    blue = between(coarse, i, j, u, v, 6)
+            else:
+                t, point, n, variance, _ = strike(heights, levels, tall, ripples, numbers, d, reach)
+                if t < AWAY:
+                    length = t
+                    k, y = (i + 1, 0.0) if coarse[i, j, 3] == AWAY else (i, v)  # over the horizon
+                    if sunk:
+                        cosine = -(d[0] * n[0] + d[1] * n[1] + d[2] * n[2])
+                        part, beyond = 1.0 - fresnel(cosine, INDEX), refract(d, n, INDEX)
+                    else:
+                        part, beyond = reflection(d, n)
+                    rest = 1.0 - part
+                    red = rest * between(coarse, k, j, u, y, 0)
+                    green = rest * between(coarse, k, j, u, y, 1)
+                    blue = rest * between(coarse, k, j, u, y, 2)
+                    if part > 0.0:
+                        seen = above(stones, sky, panorama, numbers, point, beyond, variance)
+                        red += part * seen[0]
+                        green += part * seen[1]
+                        blue += part * seen[2]
+            if t == AWAY:
+                if not sunk:
+                    for k in range(3):
+                        out[row, column, k] = picture[line, column, k]
+                    continue
+                # an eye under water, a ray that stays there
+                x, y = numbers[EYE] + reach * d[0], numbers[EYE + 1] + reach * d[1]
                 share = 0.0
-                x, y = point[0], point[1]
-                floor = sounding(
-                    bottom, numbers, numbers[EYE] + reach * d[0], numbers[EYE + 1] + reach * d[1]
-                )
-                if numbers[EYE + 2] + reach * d[2] < floor + 0.03:
-                    r, g, c, _ = blend(under, a, b)
-                    colour, share, length = (r, g, c), 1.0, 0.0
+                if numbers[EYE + 2] + reach * d[2] < sounding(bottom, numbers, x, y) + 0.03:
+                    red = between(coarse, i, j, u, v, 0)
+                    green = between(coarse, i, j, u, v, 1)
+                    blue = between(coarse, i, j, u, v, 2)
+                    share, length = 1.0, 0.0
+            elif not sunk:  # the bank goes on into the water as it is drawn
+                depth = between(coarse, i, j, u, v, 3)
+                share = min(max(depth, 0.0) / 0.3, 1.0)
+            colour = (red, green, blue)
             for k in range(3):
                 value = 255.0 * colour[k]
                 if share < 1.0:

@@ -11,8 +11,11 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Sequence
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -23,14 +26,16 @@ from mjskip._optics_kernels import INDEX as INDEX
 from mjskip._optics_kernels import fresnel as fresnel
 from mjskip._optics_kernels import refract as refract
 from mjskip._ray_kernels import BLOCK, NUMBERS
-from mjskip._shade_kernels import look_under, shade
+from mjskip._shade_kernels import find_smooth, shade, sketch
 
 Array = npt.NDArray[np.float64]
 SingleArray = npt.NDArray[np.float32]
 Image = npt.NDArray[np.uint8]
 
 LARGEST = 800  # cells a side: of a larger field a window about what is looked at is enough
+_COARSE = 3  # pixels of the picture a side of one of the sketch
 _LEVELS = 6
+_THREADS = min(4, os.cpu_count() or 1)
 _RIPPLE_SIDE = 2.56  # [m]
 _SLOPE = 0.006  # root mean square of a slope of one sheet of ripples, along an axis
 _GROUND_SIDE = 3.0  # [m]
@@ -211,15 +216,27 @@ class Lake:
         )
         numbers = np.append(numbers, np.zeros(NUMBERS - len(numbers)))
         out: Image = np.empty((high, wide, 3), np.uint8)
-        under = np.empty((high // 2, wide // 2, 4), np.float32)
-        packed, tall = pack_stones(stones), _tall(part)
-        look_under(
-            heights, levels, tall, ripples, _ground(), self.bottom, packed, numbers,
-            0, len(under), under,
+        coarse = np.empty((-(-high // _COARSE), -(-wide // _COARSE), 8), np.float32)
+        smooth = np.empty(coarse.shape[:2], np.uint8)
+        packed, tall, views = pack_stones(stones), _tall(part), self.panorama.colours
+
+        def share_rows(kernel: Callable[..., None], count: int, *given: Any) -> None:
+            """Each thread draws its rows; the kernels release Python's lock."""
+            cuts = np.linspace(0, count, _THREADS + 1).astype(int).tolist()
+
+            def draw(first: int, last: int) -> None:
+                kernel(*given[:-1], first, last, given[-1])
+
+            list(_pool().map(draw, cuts[:-1], cuts[1:]))
+
+        share_rows(
+            sketch, len(coarse), heights, levels, tall, ripples, _ground(), self.bottom, views,
+            packed, self.sky, numbers, coarse,
         )  # fmt: skip
-        shade(
-            heights, levels, tall, ripples, self.bottom, self.panorama.colours, packed, self.sky,
-            numbers, under, picture, distances, 0, high, out,
+        find_smooth(coarse, smooth)
+        share_rows(
+            shade, high, heights, levels, tall, ripples, self.bottom, views, packed, self.sky,
+            numbers, coarse, smooth, picture, distances, out,
         )  # fmt: skip
         return out
 
@@ -227,6 +244,11 @@ class Lake:
     def _ripples(self) -> tuple[SingleArray, Array]:
         tiles, lost = _breath()
         return np.float32(self.wind) * tiles, self.wind**2 * lost
+
+
+@functools.cache
+def _pool() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(_THREADS, thread_name_prefix="mjskip optics")
 
 
 def _tall(elevation: npt.NDArray[np.float32]) -> SingleArray:

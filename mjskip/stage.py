@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
@@ -60,6 +61,7 @@ class Stage:
         self._camera = check_camera(self.model, camera)
         self._addresses = {name: _free_joint(self.model, name) for name in self._flights}
         _hide_others(self.model, self._addresses)
+        self._groups = self.model.geom_group.copy()
         wide, high = size
         self.model.vis.global_.offwidth = max(wide, self.model.vis.global_.offwidth)
         self.model.vis.global_.offheight = max(high, self.model.vis.global_.offheight)
@@ -118,6 +120,7 @@ class Stage:
             self.data.cam_xpos[self._camera] += ahead - own
         if self._camera_height is not None:
             self.data.cam_xpos[self._camera, 2] = self._camera_height
+        self._leave_out_what_is_out_of_sight()
         canvas.update(self.data, camera=self._camera)
         self.eye = canvas.eye()
         x, y, _ = pose_at(self._flights[self._focus], time)[0]
@@ -142,6 +145,20 @@ class Stage:
             focus=focus,
             time=time,
         )
+
+    def _leave_out_what_is_out_of_sight(self) -> None:
+        """MuJoCo transforms every geom: half of a frame's time goes to what is beside the picture."""
+        half = math.tan(0.5 * math.radians(float(self.model.cam_fovy[self._camera])))
+        axes = self.data.cam_xmat[self._camera].reshape(3, 3)  # right, up, back
+        at = (self.data.geom_xpos - self.data.cam_xpos[self._camera]) @ axes
+        radius = self.model.geom_rbound
+        seen = at[:, 2] < radius
+        for axis, tangent in ((0, half * self._size[0] / self._size[1]), (1, half)):
+            # distance beyond the side planes of the pyramid of sight
+            beyond = (np.abs(at[:, axis]) + tangent * at[:, 2]) / math.hypot(1.0, tangent)
+            seen &= beyond < radius
+        seen |= radius == 0.0  # a plane has no end
+        self.model.geom_group[:] = np.where(seen, self._groups, _HIDDEN)
 
     def _put_stones(self, time: float) -> None:
         for name, flight in self._flights.items():

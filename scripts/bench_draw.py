@@ -1,7 +1,7 @@
-"""How much faster is the water drawn as a skin than as a height field that is uploaded?
+"""What does a frame cost, and how much faster is a skin than a height field that is uploaded?
 
-Draws frames of the default scene at 640 x 480 over a 500 x 500 surface with rings on it, by both
-ways in turn; prints medians after a warm-up and their ratio. Takes half a minute on two cores.
+Draws frames of the default scene at 640 x 480 over a 500 x 500 surface with rings on it: shaded,
+plain, and with a height-field geom; prints medians after a warm-up and their ratio. Takes half a minute on two cores.
 
     python scripts/bench_draw.py [RESULT.json]
 """
@@ -19,10 +19,10 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from mjskip import HeightField, Scene, load_scene, simulate
+from mjskip import HeightField, Scene, load_scene, optics, simulate
 from mjskip.gl import gl_renderer, is_software, offscreen
-from mjskip.render import Stage
 from mjskip.skin import Grid
+from mjskip.stage import LOOKS, Stage
 
 SIZE = (640, 480)
 STEP = 0.02  # [m] between drawn vertices near the stone, as in a video of this scene
@@ -45,14 +45,20 @@ def bench(*, frames: int = 20, warm_up: int = 3) -> dict[str, Any]:
         water.displace(x, 0.0, height=0.01, radius=0.06)
     water.advance(0.2)
 
-    stage = Stage(
-        scene, {scene.body: trajectory}, camera="side", size=SIZE, grid=Grid.around(step=STEP)
-    )
-    stage.open()
-    try:
-        skin = _measure(lambda: stage.draw(0.1, water), frames, warm_up)
-    finally:
-        stage.close()
+    looks, parts = {}, {}
+    for look in LOOKS:
+        stage = Stage(
+            scene, {scene.body: trajectory}, camera="side", size=SIZE, grid=Grid.around(step=STEP),
+            look=look,
+        )  # fmt: skip
+        stage.open()
+        try:
+            looks[look] = _measure(lambda: stage.draw(0.1, water), frames, warm_up)  # noqa: B023
+            if look == "shaded":
+                parts = _parts(stage, water, frames, warm_up)
+        finally:
+            stage.close()
+    skin = looks["plain"]
     uploaded = UploadedHeightField(scene, water)
     try:
         height_field = _measure(lambda: uploaded.draw(water), frames, warm_up)
@@ -63,6 +69,10 @@ def bench(*, frames: int = 20, warm_up: int = 3) -> dict[str, Any]:
         "question": "milliseconds per 640 x 480 frame, skin against height-field upload",
         "skin_ms": skin["wall"],
         "skin_cpu_ms": skin["cpu"],
+        "shaded_ms": looks["shaded"]["wall"],
+        "shaded_cpu_ms": looks["shaded"]["cpu"],
+        "shaded_parts_cpu_ms": parts,
+        "goals_cpu_ms": {"shaded": 60, "plain": 30},
         "height_field_ms": height_field["wall"],
         "height_field_cpu_ms": height_field["cpu"],
         "ratio": height_field["wall"] / skin["wall"],
@@ -125,6 +135,29 @@ class UploadedHeightField:
         """Free the GL context."""
         self._context.free()
         self._gl.free()
+
+
+def _parts(stage: Stage, water: HeightField, frames: int, warm_up: int) -> dict[str, float]:
+    """Processor time of the kernels of one shaded frame [ms]; the rest is OpenGL and NumPy."""
+    spent: dict[str, list[float]] = {}
+    kept = {name: getattr(optics, name) for name in ("sketch", "find_smooth", "shade")}
+
+    def timed(name: str, kernel: Callable[..., None]) -> Callable[..., None]:
+        def run(*arguments: Any) -> None:
+            begun = time.thread_time()
+            kernel(*arguments)
+            spent.setdefault(name, []).append(1e3 * (time.thread_time() - begun))
+
+        return run
+
+    for name, kernel in kept.items():
+        setattr(optics, name, timed(name, kernel))
+    try:
+        _measure(lambda: stage.draw(0.1, water), frames, warm_up)
+    finally:
+        for name, kernel in kept.items():
+            setattr(optics, name, kernel)
+    return {name: sum(found) / (frames + warm_up) for name, found in spent.items()}
 
 
 def _measure(draw: Callable[[], Any], frames: int, warm_up: int) -> dict[str, float]:

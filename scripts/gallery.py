@@ -66,8 +66,8 @@ def film(path: Path) -> None:
             caption(part, numbers_at(flights[scene.body], float(time)))
             yield part
 
-    size = (size[0], kept.stop - kept.start)
-    write_video(images(), path, size=size, fps=18.0, total=len(times), quality=50)
+    shown = (size[0], kept.stop - kept.start)
+    write_video(images(), path, size=shown, fps=18.0, total=len(times), quality=50)
 
 
 def still(scene_name: str, camera: str, time: float, **water: Any) -> Callable[[Path], None]:
