@@ -726,3 +726,24 @@ def test_again_shows_the_last_throw_whatever_the_controls_say_now(playground):
         wait_until(lambda: page.tab.frames > frames + 3)
         assert page.tab.thrown is last
     wait_until(lambda: not playground.tabs)
+
+
+@gone
+def test_the_view_of_the_whole_throw_shows_it_from_end_to_end(playground):
+    from mjskip.play.look import FOLLOW, WHOLE, grid
+
+    with Page(playground) as page:
+        page.set("view", WHOLE)
+        page.set("Throw", True)
+        wait_until(lambda: page.tab.frames > 1)
+        flight = page.tab.thrown.chosen
+        middle = 0.5 * (flight.x[0] + flight.x[-1])
+        np.testing.assert_allclose(page.tab._nodes["lake"].position[:2], -middle[:2])
+        wide = grid(WHOLE, page.tab.thrown)
+        assert wide.step * EVEN[0] > np.ptp(flight.x[:, 0])
+        page.set("view", FOLLOW)
+        wait_until(lambda: page.tab._water.step < wide.step)
+        frames = page.tab.frames
+        wait_until(lambda: page.tab.frames > frames + 1)
+        assert page.tab._nodes["lake"].position[0] != -middle[0]
+    wait_until(lambda: not playground.tabs)

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip.play.player import Frame
-from mjskip.play.surface import DrawnWater
+from mjskip.play.surface import EVEN, STEP, DrawnWater
 from mjskip.play.thrown import Thrown
 from mjskip.scene import Scene
 from mjskip.stone import Stone
@@ -94,16 +94,23 @@ def aim(client: Any, view: str, thrown: Thrown | None) -> None:
         camera.position, at = (0.75, -1.45, 0.62), (0.02, 0.0, 0.03)
     else:
         far = max(0.5 * _length(thrown), 1.5)
-        camera.position, at = (0.55 * far, -1.35 * far, 0.5 * far), (0.38 * far, 0.0, 0.0)
+        camera.position, at = (0.5 * far, -1.75 * far, 0.6 * far), (0.38 * far, 0.0, 0.0)
     camera.look_at = at
     camera.fov = 0.75
+
+
+def grid(view: str, thrown: Thrown) -> DrawnWater:
+    """Vertices to draw the water with: spread along the whole throw if that is the view."""
+    return (
+        DrawnWater() if view == FOLLOW else DrawnWater(max(STEP, 1.2 * _length(thrown) / EVEN[0]))
+    )
 
 
 def _length(thrown: Thrown) -> float:
     return float(np.ptp(thrown.chosen.x[:, 0]))
 
 
-def place_throw(nodes: dict[str, Any], thrown: Thrown, *, view: str) -> None:
+def place_throw(nodes: dict[str, Any], thrown: Thrown) -> None:
     """Make ready for a run: its stones, no marks, no trails."""
     _forget_touches(nodes)
     for name, stone in thrown.scene.stones.items():
@@ -114,9 +121,6 @@ def place_throw(nodes: dict[str, Any], thrown: Thrown, *, view: str) -> None:
             node.vertices = stone.vertices.astype(np.float32)
             node.faces = stone.faces.astype(np.uint32)
         nodes[f"trail {name}"].visible = False
-    nodes["middle"] = (
-        None if view == FOLLOW else tuple(0.5 * (thrown.chosen.x[0, :2] + thrown.chosen.x[-1, :2]))
-    )
 
 
 def still(nodes: dict[str, Any], water: DrawnWater, scene: Scene, throw: Throw) -> None:
@@ -137,15 +141,14 @@ def still(nodes: dict[str, Any], water: DrawnWater, scene: Scene, throw: Throw) 
     nodes["lake"].position = (0.0, 0.0, 0.0)
     nodes["water"].position = (0.0, 0.0, 0.0)
     nodes["water"].vertices = water.vertices(None, middle=(0.0, 0.0))
-    nodes["middle"] = None
 
 
 def draw(nodes: dict[str, Any], water: DrawnWater, frame: Frame, *, view: str) -> None:
     """Put one moment into the scene: the newest surface, the stones, their paths."""
     thrown = frame.thrown
-    chosen = frame.poses[thrown.scene.body][0]
-    middle = nodes.get("middle") if view != FOLLOW else None
-    x, y = middle if middle is not None else (float(chosen[0]), float(chosen[1]))
+    x, y, _ = frame.poses[thrown.scene.body][0].tolist()
+    if view != FOLLOW:
+        x, y, _ = (0.5 * (thrown.chosen.x[0] + thrown.chosen.x[-1])).tolist()
     place = water.place(x, y)
     nodes["water"].vertices = water.vertices(frame.lake, middle=place)
     nodes["water"].position = (*place, 0.0)

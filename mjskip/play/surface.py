@@ -16,6 +16,9 @@ SHAPE = (300, 100)
 EVEN = (260, 80)
 """Of these, evenly spaced in the middle; the others leap to the horizon."""
 
+STEP = 0.04
+"""Between vertices near the stone: a fifth of the shortest rings that a hand-sized stone makes [m]."""
+
 HORIZON = 70.0
 """[m]."""
 
@@ -37,7 +40,7 @@ def axis(count: int, even: int, step: float) -> Array:
 class DrawnWater:
     """Heights of a lake at the vertices of a grid that moves in whole steps, so that nothing shimmers."""
 
-    def __init__(self, step: float = 0.04) -> None:
+    def __init__(self, step: float = STEP) -> None:
         """A grid, even in the middle with this step [m]."""
         self.step = step
         self._axes = tuple(axis(n, e, step) for n, e in zip(SHAPE, EVEN, strict=True))

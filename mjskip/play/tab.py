@@ -130,7 +130,8 @@ class Tab:
         self.thrown = thrown
         with self.client.atomic():
             self._report(thrown)
-            look.place_throw(self._nodes, thrown, view=self._controls["view"].value)
+            self._water = look.grid(self._controls["view"].value, thrown)
+            look.place_throw(self._nodes, thrown)
             self._touches = 0
         if self._controls["view"].value != look.FOLLOW:
             look.aim(self.client, self._controls["view"].value, thrown)
@@ -268,7 +269,9 @@ class Tab:
     def _change_view(self, _: Any) -> None:
         look.aim(self.client, self._controls["view"].value, self.thrown)
         if self.thrown is not None:
-            look.place_throw(self._nodes, self.thrown, view=self._controls["view"].value)
+            self._water = look.grid(self._controls["view"].value, self.thrown)
+            if not self._player.playing:
+                self._player.play(self.thrown)
 
     def _download(self, _: Any) -> None:
         file = self.thrown and self._shelf.model_file(self.thrown.settings)
