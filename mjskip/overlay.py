@@ -19,6 +19,7 @@ Array = npt.NDArray[np.float64]
 TRAIL = 0.35
 """How long the trail stays [s]."""
 
+_CLEAR = 0.025  # the trail comes in over this time behind the stone and leaves it clear [s]
 _STEPS = 70  # pieces of the trail
 _RING = 0.10  # [m] radius of the mark of a touch
 _AROUND = 40
@@ -60,14 +61,15 @@ class Overlay:
                 age = time - contact.entry.time
                 if age > 0.0:
                     centre = np.array([*contact.entry.position[:2], 0.0])
-                    strength = 0.35 + 0.45 * math.exp(-age / 0.4)
+                    strength = 0.12 + 0.45 * math.exp(-age / 0.4)
                     self._line(cover, eye, centre + ring, np.full(_AROUND, strength), 0.7 * size)
         if self._trail:
             end = min(time, float(self._flight.time[-1]))
             times = np.linspace(max(time - TRAIL, float(self._flight.time[0])), end, _STEPS + 1)
             if times[-1] > times[0]:
                 places = [np.interp(times, self._flight.time, x) for x in self._flight.x.T]
-                fresh = np.clip(1.0 - (time - times[1:]) / TRAIL, 0.0, 1.0)
+                age = time - times[1:]
+                fresh = np.clip(1.0 - age / TRAIL, 0.0, 1.0) * np.clip(age / _CLEAR, 0.0, 1.0) ** 2
                 self._line(cover, eye, np.column_stack(places), 0.75 * fresh, 1.1 * size)
         where = cover > 0.0
         share = cover[where][:, None]
