@@ -210,7 +210,10 @@ def find_smooth(coarse: SingleArray, smooth: Image) -> None:
 def between(coarse: SingleArray, i: int, j: int, s: float, t: float, k: int) -> float:
     """Bilinear sample of a channel, a share t down and s right of a point."""
     top = (1.0 - s) * coarse[i, j, k] + s * coarse[i, j + 1, k]
-    return (1.0 - t) * top + t * ((1.0 - s) * coarse[i + 1, j, k] + s * coarse[i + 1, j + 1, k])
+    found: float = (1.0 - t) * top + t * (
+        (1.0 - s) * coarse[i + 1, j, k] + s * coarse[i + 1, j + 1, k]
+    )
+    return found
 
 
 @kernel

@@ -68,8 +68,8 @@ class Overlay:
             times = np.linspace(max(time - TRAIL, float(self._flight.time[0])), end, _STEPS + 1)
             if times[-1] > times[0]:
                 places = [np.interp(times, self._flight.time, x) for x in self._flight.x.T]
-                age = time - times[1:]
-                fresh = np.clip(1.0 - age / TRAIL, 0.0, 1.0) * np.clip(age / _CLEAR, 0.0, 1.0) ** 2
+                behind = time - times[1:]
+                fresh = np.clip(1.0 - behind / TRAIL, 0.0, 1.0) * np.clip(behind / _CLEAR, 0.0, 1.0) ** 2
                 self._line(cover, eye, np.column_stack(places), 0.75 * fresh, 1.1 * size)
         where = cover > 0.0
         share = cover[where][:, None]

@@ -77,7 +77,10 @@ def integrate(
     )
     log = Log(name, stone, water, limits, gravity=-gravity[2])
     done, states = 0, integrator.start()
-    while not log.extend(timestep * np.arange(done, done + len(states)), states):
+    while True:
+        times: Array = timestep * np.arange(done, done + len(states), dtype=np.float64)
+        if log.extend(times, states):
+            break
         done += len(states)
         states = integrator.advance(CHUNK)
     return log.trajectory(

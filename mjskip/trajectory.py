@@ -107,7 +107,8 @@ class Trajectory:
         clearance: height of the lowest point above the surface (n,) [m]; negative when wet.
         contacts: touches in order of time.
         skips: touches that were followed by at least `min_airtime` in the air.
-        end: why it ended: "sunk", "planing", "at rest" or "out of time".
+        end: why it ended: "sunk", "planing", "at rest", "out of time" or "left the lake"
+            (over waves, a bounded one).
         mass: [kg].
         attributes: provenance: scene, body, engine, integrator, timestep, throw, water, version.
     """

@@ -177,6 +177,7 @@ def verdict(trajectory: Trajectory) -> str:
         "planing": "then it ploughed on without leaving the water",
         "at rest": "then it came to rest",
         "out of time": "when the time was up",
+        "left the lake": "then it left the lake",
     }
     skips = trajectory.skips
     wall = trajectory.attributes["wall_seconds"]

@@ -40,6 +40,7 @@ _ENDS = {
     "planing": "then it ploughed on",
     "at rest": "then it came to rest",
     "out of time": "and on when the time was up",
+    "left the lake": "then it left the lake",
 }
 
 
