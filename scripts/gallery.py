@@ -52,11 +52,11 @@ def filmed(
 
 
 def film(path: Path) -> None:
-    """The film in README: the default throw in slow motion, the upper part of the picture."""
+    """The film in README: the default throw in slow motion."""
     scene = load_scene("lake")
     flights = simulate_all(scene)
     shot: dict[str, Any] = {"fps": 18.0, "slow": 3.5, "linger": 1.0, "caption": False}
-    size, kept = (600, 450), slice(50, 388)
+    size, kept = (540, 404), slice(30, 404)
     times = shot_times(flights, Shot(size=size, **shot))
 
     def images() -> Iterator[Image]:
@@ -67,7 +67,7 @@ def film(path: Path) -> None:
             yield part
 
     shown = (size[0], kept.stop - kept.start)
-    write_video(images(), path, size=shown, fps=18.0, total=len(times), quality=50)
+    write_video(images(), path, size=shown, fps=18.0, total=len(times), quality=55)
 
 
 def still(scene_name: str, camera: str, time: float, **water: Any) -> Callable[[Path], None]:
