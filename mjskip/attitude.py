@@ -75,7 +75,9 @@ def released(normal_body: npt.ArrayLike, attack: float, bank: float) -> Array:
         x = np.array([0.0, 0.0, 1.0])
     x /= np.linalg.norm(x)
     frame = np.column_stack([x, np.cross(z, x), z])
-    return np.asarray(frame @ _to_z(*np.asarray(normal_body, dtype=float).tolist()), dtype=np.float64)
+    return np.asarray(
+        frame @ _to_z(*np.asarray(normal_body, dtype=float).tolist()), dtype=np.float64
+    )
 
 
 @cache

@@ -14,8 +14,8 @@ import numpy.typing as npt
 
 from mjskip._rigid_kernels import STATE, free_motion
 from mjskip.attitude import matrices
-from mjskip.bodies import find_body
-from mjskip.coupling import Coupling, attach
+from mjskip.coupling.attach import Coupling, attach
+from mjskip.coupling.bodies import find_body
 from mjskip.errors import DivergedError, SceneError
 from mjskip.reference import METHODS, Integrator
 from mjskip.scene import Scene

@@ -2,7 +2,7 @@
 
 A setting is a <numeric> or <text> named `mjskip.<setting>`, in SI units and radians, as MuJoCo's own
 `filament.*` settings are. A throw setting with a body's name behind it (`mjskip.spin.still`) is for that
-body alone. `mjskip.control.<actuator>` and `mjskip.release.<equality>` move a robot: see `mjskip.arm`.
+body alone. `mjskip.control.<actuator>` and `mjskip.release.<equality>` move a robot: see `mjskip.coupling.arm`.
 Bodies that carry the engine plugin `mjskip.water` have their water from it.
 """
 
@@ -18,16 +18,16 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from mjskip.arm import Arm
-from mjskip.bodies import body_name, body_stone, find_body, free_bodies
+from mjskip.coupling.arm import Arm
+from mjskip.coupling.bodies import body_name, body_stone, find_body, free_bodies
+from mjskip.coupling.obstacles import land_of
+from mjskip.coupling.plugin import NAME, plugin_water, register_plugin
 from mjskip.errors import SceneError
-from mjskip.lakes import Lake
-from mjskip.obstacles import land_of
-from mjskip.plugin import NAME, plugin_water, register_plugin
 from mjskip.stone import Stone
 from mjskip.throw import Throw
 from mjskip.water import Water
 from mjskip.waves import HeightField
+from mjskip.waves.lake import Lake
 
 PREFIX = "mjskip."
 WATER = {field.name for field in fields(Water)}

@@ -16,8 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip.attitude import angles, matrices
-from mjskip.bodies import find_body
-from mjskip.coupling import compile_callback
+from mjskip.coupling.attach import compile_callback
+from mjskip.coupling.bodies import find_body
 from mjskip.engines import Engine, MujocoEngine, ReferenceEngine
 from mjskip.errors import MjskipWarning
 from mjskip.recording import Limits, Log
@@ -26,7 +26,7 @@ from mjskip.scene import Scene, load_scene
 from mjskip.stone import Stone, check_positive
 from mjskip.throw import Throw
 from mjskip.trajectory import Trajectory
-from mjskip.twoway import MovingSurface
+from mjskip.waves.twoway import MovingSurface
 
 Array = npt.NDArray[np.float64]
 EngineName = Literal["mujoco", "reference"]
@@ -85,7 +85,7 @@ def simulate_all(
         limits: what counts as a skip and when a stone's run is over; `Limits()` if omitted.
         frozen_attitude: stones are thrown without spin and cannot turn.
         surface: "still": stones feel the undisturbed level; "waves": the moving surface, see
-            `mjskip.twoway`.
+            `mjskip.waves.twoway`.
         own_dent: over waves, whether a stone feels the response to its own current touch.
 
     Returns:

@@ -101,7 +101,7 @@ class Trajectory:
         torque: of the water about the centre of mass (n, 3) [N m].
         air_force: of the air on the stone (n, 3) [N].
         water_load: vertical force that the water was given back, downwards positive (n,) [N]: the
-            reaction, less what two-way water cannot take (see `mjskip.twoway`).
+            reaction, less what two-way water cannot take (see `mjskip.waves.twoway`).
         wetted_area: immersed area of the stone's surface (n,) [m^2].
         wetted_centre: centroid of that immersed surface (n, 3) [m]; the centre of mass when dry.
         clearance: height of the lowest point above the surface (n,) [m]; negative when wet.

@@ -1,6 +1,6 @@
 """What does the water cost? Ratios against a baseline measured in the same run (some minutes).
 
-    python scripts/bench.py [--json FILE] [--only coupling,waves,drawing,plugin,sweep]
+    python scripts/bench.py [--json FILE] [--only coupling,waves,drawing,plugin,sweep,twoway]
 
 Every figure is a median of alternating repeats after a warm-up. Ratios hold across machines, times do not.
 """
@@ -36,6 +36,8 @@ GOALS = {  # name of a ratio: (goal, whether the ratio should be below it)
     "plugin.Euler.dry.plugin_over_bare": (1.15, True),
     "plugin.RK4.dry.plugin_over_bare": (1.15, True),
     "plugin.RK4.wet.plugin_over_bare": (1.7, True),
+    "sweep.pebble_44_triangles.batch_over_python_loop": (30.0, False),
+    "sweep.map.wall_s": (60.0, True),
 }
 
 
@@ -89,6 +91,7 @@ PARTS: dict[str, Callable[[], dict[str, Any]] | str] = {
     "drawing": "bench_draw",
     "plugin": "bench_plugin",
     "sweep": "bench_sweep",
+    "twoway": "bench_twoway",
 }
 """Parts with a file of their own have a function `bench()` there."""
 

@@ -20,9 +20,9 @@ import mujoco
 import numpy as np
 
 from mjskip import HeightField, Scene, load_scene, optics, simulate
-from mjskip.gl import gl_renderer, is_software, offscreen
-from mjskip.skin import Grid
-from mjskip.stage import LOOKS, Stage
+from mjskip.draw.gl import gl_renderer, is_software, offscreen
+from mjskip.draw.skin import Grid
+from mjskip.draw.stage import LOOKS, Stage
 
 SIZE = (640, 480)
 STEP = 0.02  # [m] between drawn vertices near the stone, as in a video of this scene

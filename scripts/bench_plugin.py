@@ -18,7 +18,7 @@ from typing import Any
 import mujoco
 
 from mjskip import attach, load_scene
-from mjskip.plugin import register_plugin
+from mjskip.coupling.plugin import register_plugin
 
 ROUTES = ("bare", "attach", "plugin", "plugin_and_sensor")
 REPEATS = 101

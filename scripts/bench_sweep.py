@@ -26,11 +26,11 @@ import mujoco
 import numpy as np
 
 from mjskip import Limits, Stone, Throw, Water, attach
-from mjskip.batch import processors, throw_all
-from mjskip.design import normal, span
-from mjskip.sweep import sweep
-from mjskip.sweep_job import scene_of
-from mjskip.sweep_plot import plot_sweep
+from mjskip.sweeps.batch import processors, throw_all
+from mjskip.sweeps.design import normal, span
+from mjskip.sweeps.job import scene_of
+from mjskip.sweeps.plot import plot_sweep
+from mjskip.sweeps.sweep import sweep
 
 DISC = Stone.disc(0.025, 0.00275, density=2700.0)
 PEBBLE = Stone.pebble()

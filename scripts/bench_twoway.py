@@ -20,10 +20,10 @@ import numpy as np
 
 from mjskip import HeightField, Limits, Throw, Water, load_scene, simulate
 from mjskip.engines import MujocoEngine
-from mjskip.lakes import Lake
 from mjskip.reference import Integrator
 from mjskip.stone import Stone
-from mjskip.twoway import MovingSurface
+from mjskip.waves.lake import Lake
+from mjskip.waves.twoway import MovingSurface
 
 
 def shares() -> dict[str, float]:

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from mjskip.lakes import Lake
 from mjskip.waves import HeightField
+from mjskip.waves.lake import Lake
 
 
 def median_seconds(call: Callable[[], object], *, repeats: int) -> float:

@@ -19,12 +19,12 @@ import numpy as np
 from PIL import Image as Pictures
 
 from mjskip import Scene, Trajectory, load_scene, simulate
-from mjskip.film import compose, duel_of
-from mjskip.overlay import caption, numbers_at
-from mjskip.plot import plot_runs
-from mjskip.render import Shot, frames, shot_times
+from mjskip.draw.film import compose, duel_of
+from mjskip.draw.overlay import caption, numbers_at
+from mjskip.draw.plot import plot_runs
+from mjskip.draw.render import Shot, frames, shot_times
+from mjskip.draw.video import Image, write_video
 from mjskip.simulate import simulate_all
-from mjskip.video import Image, write_video
 
 DOCS = Path(__file__).parent.parent / "docs"
 SHARP = 2  # pictures are drawn this much larger and shrunk: edges are smooth

@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 
 from mjskip import Throw, Water
-from mjskip.lakes import Lake
 from mjskip.reference import Integrator
 from mjskip.stone import Stone
-from mjskip.twoway import MovingSurface
+from mjskip.waves.lake import Lake
+from mjskip.waves.twoway import MovingSurface
 
 TIMESTEP = 1e-3
 STONES = {

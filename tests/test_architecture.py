@@ -13,26 +13,19 @@ import mjskip
 PACKAGE = Path(mjskip.__file__).parent
 
 LAYERS = (
-    {"errors", "laws", "attitude", "_jit", "_native", "_grid", "_stencil"},
-    {"water", "files", "_layout"},
+    {"errors", "laws", "attitude", "_jit", "_native"},
+    {"water", "files"},
     {"stone", "trajectory"},
-    {"throw", "wake", "video", "gl"},
-    {
-        "_force_kernels",
-        "_rigid_kernels",
-        "_wave_kernels",
-        "_tile_kernels",
-        "_draw_kernels",
-        "_control_kernels",
-        "_plugin_kernels",
-    },
-    {"forces", "waves", "skin", "bodies"},
-    {"plugin", "arm", "lakes"},
-    {"recording", "coupling", "scene", "twoway"},
-    {"reference"},
+    {"throw"},
+    {"_force_kernels", "_rigid_kernels"},
+    {"forces"},
+    {"recording", "waves"},
+    {"reference", "coupling"},
+    {"scene"},
     {"engines"},
-    {"simulate", "render"},
-    {"comparison"},
+    {"simulate"},
+    {"comparison", "draw", "sweeps"},
+    {"play"},
     {"cli"},
     {"__init__", "__main__"},
 )
@@ -40,22 +33,7 @@ LAYERS = (
 above the highest that it imports, so that no listed file may import it from below."""
 
 LISTED = {name: rank for rank, names in enumerate(LAYERS) for name in names}
-READERS = {
-    "arm",
-    "bodies",
-    "canvas",
-    "coupling",
-    "engines",
-    "plugin",
-    "scene",
-    "scenery",
-    "skin",
-    "stage",
-    "gl",
-    "_control_kernels",
-    "_plugin_kernels",
-    "_layout",
-}
+READERS = {"coupling", "scene", "engines"}
 """Below `simulate`, the only readers of MuJoCo."""
 
 PATHS = {
@@ -125,7 +103,7 @@ def test_the_physics_never_imports_mujoco_not_even_through_others(unit):
 
 
 def test_the_independent_witness_is_among_the_physics():
-    witness = {"forces", "waves", "reference", "_force_kernels", "_rigid_kernels", "_wave_kernels"}
+    witness = {"forces", "waves", "reference", "_force_kernels", "_rigid_kernels"}
     assert witness <= set(PHYSICS)
 
 

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from mjskip import Limits, Stone, Throw, Water, integrate
-from mjskip.batch import ENDS, Outcomes, throw_all
+from mjskip.sweeps.batch import ENDS, Outcomes, throw_all
 
 GRAVITY = 9.81
 

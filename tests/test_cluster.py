@@ -11,10 +11,10 @@ from contextlib import ExitStack, contextmanager
 import pytest
 
 from mjskip import Limits, Stone, Throw
-from mjskip.design import normal, span
 from mjskip.errors import MjskipError
-from mjskip.sweep import sweep
-from mjskip.sweep_store import open_sweep
+from mjskip.sweeps.design import normal, span
+from mjskip.sweeps.store import open_sweep
+from mjskip.sweeps.sweep import sweep
 
 pytest.importorskip("distributed", reason="needs pip install 'mjskip[sweep]'")
 
@@ -130,7 +130,7 @@ def test_a_lost_scheduler_leaves_a_store_to_go_on_with(tmp_path):
 
 
 def test_a_scheduler_that_is_not_there_is_said_so_in_one_line(monkeypatch):
-    monkeypatch.setattr("mjskip.cluster.PATIENCE", 1.0)
+    monkeypatch.setattr("mjskip.sweeps.cluster.PATIENCE", 1.0)
     with pytest.raises(MjskipError, match="no Dask scheduler answers at tcp://127"):
         sweep(STONE, **SWEEP, scheduler=f"tcp://127.0.0.1:{free_port()}")
     with pytest.raises(MjskipError, match="no Dask scheduler answers at nonsense"):

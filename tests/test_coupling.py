@@ -12,9 +12,9 @@ import pytest
 from mujoco import batch, rollout
 
 from mjskip import Limits, Stone, Water, attach, integrate
-from mjskip._control_kernels import library
 from mjskip.attitude import difference, matrices
-from mjskip.bodies import body_stone
+from mjskip.coupling._control_kernels import library
+from mjskip.coupling.bodies import body_stone
 from mjskip.errors import DivergedError, MeshError, SceneError
 from mjskip.throw import State
 

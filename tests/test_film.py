@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from flights import SMALL, flight, small
 
-from mjskip import render
-from mjskip.film import compose, duel_of, render_duel, render_strip
-from mjskip.optics import Eye
-from mjskip.overlay import Overlay, caption, numbers_at
+from mjskip.draw import render
+from mjskip.draw.film import compose, duel_of, render_duel, render_strip
+from mjskip.draw.optics import Eye
+from mjskip.draw.overlay import Overlay, caption, numbers_at
+from mjskip.draw.render import Shot, followed, shot_times
 from mjskip.recording import Limits
-from mjskip.render import Shot, followed, shot_times
 from mjskip.scene import load_scene
 from mjskip.simulate import simulate_all
 

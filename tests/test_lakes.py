@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from mjskip.lakes import TILE, Lake
 from mjskip.waves import HeightField
+from mjskip.waves.lake import TILE, Lake
 
 
 def drive(water, steps=120, timestep=0.015):

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mjskip import _optics_kernels as kernels
-from mjskip.optics import EMPTY, INDEX, Ellipsoid, Eye, Lake, fresnel, pack_stones, refract
+from mjskip.draw import _optics_kernels as kernels
+from mjskip.draw.optics import EMPTY, INDEX, Ellipsoid, Eye, Lake, fresnel, pack_stones, refract
 
 UP = (0.0, 0.0, 1.0)
 

@@ -9,7 +9,7 @@ from click.testing import CliRunner
 
 from mjskip import Limits, Stone, Throw, Water
 from mjskip.cli import cli
-from mjskip.optimize import GOOD, optimize
+from mjskip.sweeps.optimize import GOOD, optimize
 
 PEBBLE = Stone.pebble()
 QUICK = {"population": 12, "generations": 8, "members": 4, "run_limits": Limits(duration=0.6)}

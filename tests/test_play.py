@@ -21,12 +21,12 @@ from scipy.spatial.transform import Rotation
 from mjskip import Stone, Throw
 from mjskip.cli import main
 from mjskip.errors import MjskipError, SceneError
-from mjskip.lakes import Lake
 from mjskip.play.player import AFTER, MOST_AT_ONCE, Pace, Player, Replay, pose
 from mjskip.play.settings import Settings
 from mjskip.play.surface import EVEN, HORIZON, SHAPE, DrawnWater, axis
 from mjskip.play.thrown import Shelf, table, turned
 from mjskip.scene import load_scene
+from mjskip.waves.lake import Lake
 
 PATIENCE = 120.0  # [s]: only a hang takes longer, even where other work fills the machine
 

@@ -8,8 +8,8 @@ from click.testing import CliRunner
 from flights import flight
 
 from mjskip.cli.plot import plot
+from mjskip.draw.plot import energy_budget, plot_runs, tilts
 from mjskip.errors import MjskipError
-from mjskip.plot import energy_budget, plot_runs, tilts
 from mjskip.simulate import simulate
 from mjskip.throw import Throw
 

@@ -15,11 +15,11 @@ import pytest
 from mujoco import batch, rollout
 
 from mjskip import Water, attach, register_plugin, wrench
-from mjskip import _layout as layout
-from mjskip import plugin as plugin_module
-from mjskip.bodies import body_stone
+from mjskip.coupling import _layout as layout
+from mjskip.coupling import plugin as plugin_module
+from mjskip.coupling.bodies import body_stone
+from mjskip.coupling.plugin import plugin_water
 from mjskip.errors import MjskipError, SceneError
-from mjskip.plugin import plugin_water
 
 FULL = mujoco.mjtState.mjSTATE_FULLPHYSICS
 PEBBLE = """

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from flights import SMALL, flight, small
 
-from mjskip import render, stage
+from mjskip.draw import render, stage
+from mjskip.draw.skin import Grid
 from mjskip.errors import SceneError
 from mjskip.simulate import simulate_all
-from mjskip.skin import Grid
 
 
 def picture(

@@ -4,8 +4,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from mjskip import _draw_kernels as kernels
-from mjskip.skin import Grid, WaterSkin, add_water
+from mjskip.draw import _draw_kernels as kernels
+from mjskip.draw.skin import Grid, WaterSkin, add_water
 from mjskip.waves import HeightField
 
 

@@ -12,16 +12,16 @@ import pytest
 import xarray as xr
 from click.testing import CliRunner
 
-import mjskip.sweep as sweep_module
+import mjskip.sweeps.sweep as sweep_module
 from mjskip import Limits, Stone, Throw, Water, integrate, simulate
 from mjskip.cli import cli, main
-from mjskip.design import Design, latin_hypercube, normal, span
 from mjskip.errors import MjskipError, MjskipWarning
 from mjskip.scene import load_scene
-from mjskip.sweep import chunk_shape, sweep
-from mjskip.sweep_job import RESULTS, WORDS, stretched
-from mjskip.sweep_plot import plot_sweep
-from mjskip.sweep_store import open_sweep
+from mjskip.sweeps.design import Design, latin_hypercube, normal, span
+from mjskip.sweeps.job import RESULTS, WORDS, stretched
+from mjskip.sweeps.plot import plot_sweep
+from mjskip.sweeps.store import open_sweep
+from mjskip.sweeps.sweep import chunk_shape, sweep
 
 PEBBLE = Stone.pebble()
 SHORT = Limits(duration=0.4)
@@ -243,7 +243,7 @@ def test_a_killed_sweep_goes_on_to_the_same_bytes(tmp_path):
     script = f"""
 import sys, time
 sys.path.insert(0, {os.path.dirname(__file__)!r})
-import mjskip.sweep as s
+import mjskip.sweeps.sweep as s
 from test_sweep import GRID, PEBBLE
 real = s.run_chunk
 s.run_chunk = lambda *a, **k: (time.sleep(0.2), real(*a, **k))[1]

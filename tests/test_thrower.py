@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mjskip import Limits, Stone, load_scene, simulate
-from mjskip.arm import Arm
+from mjskip.coupling.arm import Arm
 from mjskip.errors import SceneError
 from mjskip.simulate import simulate_all
 

@@ -14,14 +14,14 @@ from scipy.fft import dctn
 
 from mjskip import Limits, Stone, Throw, Water, load_scene, simulate
 from mjskip import _force_kernels as kernels
-from mjskip._touch_kernels import largest_share
 from mjskip.attitude import matrices
 from mjskip.forces import observe, pack, pack_states
-from mjskip.lakes import Lake
 from mjskip.reference import Integrator
 from mjskip.simulate import simulate_all
 from mjskip.throw import State
-from mjskip.twoway import MovingSurface
+from mjskip.waves._touch_kernels import largest_share
+from mjskip.waves.lake import Lake
+from mjskip.waves.twoway import MovingSurface
 
 DENSITY = 1000.0
 

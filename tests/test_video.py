@@ -9,7 +9,7 @@ import pytest
 from flights import SMALL, flight, small
 from PIL import Image
 
-from mjskip import render, video
+from mjskip.draw import render, video
 from mjskip.errors import MjskipError, RenderError
 
 
@@ -127,7 +127,7 @@ def test_without_an_egl_library_the_packages_are_named(monkeypatch):
 
 def test_importing_touches_no_opengl():
     code = (
-        "import sys, mjskip.render;"
+        "import sys, mjskip.draw.render;"
         "loaded = [n for n in sys.modules if n.startswith(('OpenGL', 'mujoco.egl', 'mediapy'))];"
         "sys.exit(str(loaded) if loaded else 0)"
     )

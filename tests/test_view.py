@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 from mjskip.cli import main
+from mjskip.draw.skin import Grid, add_water
+from mjskip.draw.view import _Show, check_display, view
 from mjskip.engines import MujocoEngine
 from mjskip.errors import RenderError
 from mjskip.scene import load_scene
-from mjskip.skin import Grid, add_water
-from mjskip.view import _Show, check_display, view
 
 PATIENCE = 120.0  # [s]: only a hang takes longer
 REQUIRED = os.environ.get("MJSKIP_REQUIRE_BROWSER")

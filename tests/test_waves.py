@@ -7,9 +7,9 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from mjskip import _wave_kernels as kernels
-from mjskip._grid import aligned_zeros
 from mjskip.waves import HeightField, wind_waves
+from mjskip.waves import _wave_kernels as kernels
+from mjskip.waves._grid import aligned_zeros
 
 Grid = npt.NDArray[np.float32]
 NINE = ((2.0 / 3.0, 1.0 / 6.0), kernels.step_nine, math.sqrt(3.0) / 2.0)

@@ -22,8 +22,8 @@ from rich.progress import (
 from rich.text import Text
 
 from mjskip.cli.options import Size
-from mjskip.film import duel_of, render_duel, render_strip
-from mjskip.render import (
+from mjskip.draw.film import duel_of, render_duel, render_strip
+from mjskip.draw.render import (
     LOOKS,
     Shot,
     check_camera,
@@ -32,9 +32,9 @@ from mjskip.render import (
     render_frames,
     render_video,
 )
+from mjskip.draw.video import check_folder, check_video_path
 from mjskip.scene import Scene
 from mjskip.trajectory import Trajectory
-from mjskip.video import check_folder, check_video_path
 
 F = TypeVar("F", bound=Callable[..., Any])
 FILE = click.Path(path_type=Path)

@@ -11,10 +11,10 @@ import numba
 from rich.console import Console
 from rich.table import Table
 
+from mjskip.draw.render import gl_renderer, is_software
+from mjskip.draw.video import ffmpeg
 from mjskip.errors import MjskipError
-from mjskip.render import gl_renderer, is_software
 from mjskip.scene import shipped_scenes
-from mjskip.video import ffmpeg
 
 
 @click.command()

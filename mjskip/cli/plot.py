@@ -7,10 +7,10 @@ from pathlib import Path
 import click
 from rich.console import Console
 
-from mjskip.plot import plot_runs
-from mjskip.sweep_job import RESULTS
-from mjskip.sweep_plot import plot_sweep
-from mjskip.sweep_store import is_sweep, open_sweep
+from mjskip.draw.plot import plot_runs
+from mjskip.sweeps.job import RESULTS
+from mjskip.sweeps.plot import plot_sweep
+from mjskip.sweeps.store import is_sweep, open_sweep
 from mjskip.trajectory import Trajectory
 
 err = Console(stderr=True, highlight=False)

@@ -14,12 +14,12 @@ from rich.table import Table
 from mjskip import __version__
 from mjskip.cli.filming import FILMING, check_film, check_stage, film, film_options
 from mjskip.cli.options import chosen_scene, throw_options
+from mjskip.draw.video import check_folder
 from mjskip.recording import Limits
 from mjskip.scene import Scene
 from mjskip.simulate import ENGINES, SURFACES, simulate_all
 from mjskip.throw import Throw
 from mjskip.trajectory import Trajectory
-from mjskip.video import check_folder
 
 out = Console(highlight=False)
 err = Console(stderr=True, highlight=False)

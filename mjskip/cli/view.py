@@ -9,8 +9,8 @@ import click
 from rich.console import Console
 
 from mjskip.cli.options import chosen_scene, throw_options
+from mjskip.draw.view import view as show
 from mjskip.simulate import SURFACES
-from mjskip.view import view as show
 
 err = Console(stderr=True, highlight=False)
 

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from mjskip.lakes import Lake
 from mjskip.play.thrown import Thrown
 from mjskip.trajectory import Trajectory
-from mjskip.wake import Wake
+from mjskip.waves.lake import Lake
+from mjskip.waves.wake import Wake
 
 Array = npt.NDArray[np.float64]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from mjskip._draw_kernels import box_means
-from mjskip.lakes import Lake
+from mjskip.draw._draw_kernels import box_means
+from mjskip.waves.lake import Lake
 
 Array = npt.NDArray[np.float64]
 

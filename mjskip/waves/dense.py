@@ -8,9 +8,9 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import numpy.typing as npt
 
-from mjskip import _wave_kernels as kernels
-from mjskip._grid import aligned_zeros, refuse_if_too_large
-from mjskip._stencil import (
+from mjskip.waves import _wave_kernels as kernels
+from mjskip.waves._grid import aligned_zeros, refuse_if_too_large
+from mjskip.waves._stencil import (
     COURANT_LIMITS,
     SAME_STEP,
     SPONGE_CELLS,

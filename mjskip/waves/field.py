@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from mjskip import _wave_kernels as kernels
-from mjskip._grid import (
+from mjskip.waves import _wave_kernels as kernels
+from mjskip.waves._grid import (
     checked_finite,
     checked_name,
     checked_number,
     checked_shape,
     positions,
 )
-from mjskip._stencil import (
+from mjskip.waves._stencil import (
     BOUNDARIES,
     COURANT_LIMITS,
     SAFE_FRACTION,

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from mjskip._grid import checked_finite, checked_number
+from mjskip.waves._grid import checked_finite, checked_number
 from mjskip.waves.dense import FloatArray
 
 

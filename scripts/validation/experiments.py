@@ -31,7 +31,7 @@ from _common import (
 )
 
 from mjskip import Limits, Stone, Throw, Water, integrate
-from mjskip.batch import throw_all
+from mjskip.sweeps.batch import throw_all
 
 TITLE = "Experiments: is it the right physics?"
 

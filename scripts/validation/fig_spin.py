@@ -16,7 +16,7 @@ from _common import main, picture, table
 from _stones import COLOURS, nominal, scattered, stone
 
 from mjskip import Limits, Throw
-from mjskip.batch import throw_all
+from mjskip.sweeps.batch import throw_all
 
 TITLE = "Figure 7: skips against spin"
 

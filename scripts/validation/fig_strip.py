@@ -14,8 +14,8 @@ import numpy as np
 from _common import main, picture
 
 from mjskip import load_scene, render_video, simulate
+from mjskip.draw.render import frames
 from mjskip.errors import RenderError
-from mjskip.render import frames
 
 TITLE = "Figures 4 and 6: a film strip"
 

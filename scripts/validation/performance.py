@@ -16,9 +16,9 @@ from typing import Any
 from _common import LAWS, main, table
 
 from mjskip import HeightField, Limits, Throw, Water, integrate, load_scene, simulate
+from mjskip.draw.gl import gl_renderer, is_software
+from mjskip.draw.render import frames
 from mjskip.errors import RenderError
-from mjskip.gl import gl_renderer, is_software
-from mjskip.render import frames
 
 TITLE = "Section 5: speed, and what it is spent on"
 

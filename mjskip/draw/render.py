@@ -13,16 +13,15 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import gaussian_filter1d
 
-from mjskip.gl import gl_renderer as gl_renderer
-from mjskip.gl import is_software as is_software
-from mjskip.overlay import Overlay, caption, numbers_at
-from mjskip.skin import Grid
-from mjskip.stage import LOOKS as LOOKS
-from mjskip.stage import Look as Look
-from mjskip.stage import Stage, largest_radius
-from mjskip.stage import check_camera as check_camera
-from mjskip.trajectory import Trajectory
-from mjskip.video import (
+from mjskip.draw.gl import gl_renderer as gl_renderer
+from mjskip.draw.gl import is_software as is_software
+from mjskip.draw.overlay import Overlay, caption, numbers_at
+from mjskip.draw.skin import Grid
+from mjskip.draw.stage import LOOKS as LOOKS
+from mjskip.draw.stage import Look as Look
+from mjskip.draw.stage import Stage, largest_radius
+from mjskip.draw.stage import check_camera as check_camera
+from mjskip.draw.video import (
     Image,
     Progress,
     check_folder,
@@ -32,7 +31,8 @@ from mjskip.video import (
     write_pngs,
     write_video,
 )
-from mjskip.wake import Wake
+from mjskip.trajectory import Trajectory
+from mjskip.waves.wake import Wake
 
 if TYPE_CHECKING:
     from mjskip.scene import Scene

@@ -9,9 +9,9 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from mjskip.gl import offscreen
-from mjskip.optics import Eye
-from mjskip.video import Image
+from mjskip.draw.gl import offscreen
+from mjskip.draw.optics import Eye
+from mjskip.draw.video import Image
 
 _MOST_GEOMS = 2000
 

@@ -11,11 +11,11 @@ from typing import Any, Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
-from mjskip import _batch_kernels as kernels
 from mjskip.attitude import matrices
 from mjskip.forces import pack, wrench_address
 from mjskip.recording import Limits
 from mjskip.stone import Stone, check_positive
+from mjskip.sweeps import _batch_kernels as kernels
 from mjskip.throw import State, Throw
 from mjskip.water import Water
 

@@ -14,9 +14,9 @@ from typing import Any, Protocol
 import numpy as np
 import xarray as xr
 
-from mjskip.design import Design
 from mjskip.errors import MjskipError
-from mjskip.sweep_job import RESULTS, WORDS
+from mjskip.sweeps.design import Design
+from mjskip.sweeps.job import RESULTS, WORDS
 
 Index = tuple[slice, ...]
 TITLE = "stone skipping sweep, SI units, angles in radians"

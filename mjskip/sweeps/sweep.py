@@ -16,16 +16,16 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from mjskip.batch import AIR_TOLERANCE, METHODS, Air
-from mjskip.design import Design
 from mjskip.engines import INTEGRATORS
 from mjskip.errors import MjskipWarning
 from mjskip.recording import Limits
 from mjskip.scene import Scene, load_scene
 from mjskip.simulate import ENGINES, EngineName, largest_timestep
 from mjskip.stone import Stone, check_positive
-from mjskip.sweep_job import Job, run_chunk
-from mjskip.sweep_store import Kept, Store, open_store
+from mjskip.sweeps.batch import AIR_TOLERANCE, METHODS, Air
+from mjskip.sweeps.design import Design
+from mjskip.sweeps.job import Job, run_chunk
+from mjskip.sweeps.store import Kept, Store, open_store
 from mjskip.throw import Throw
 from mjskip.water import Water
 
@@ -62,7 +62,7 @@ def sweep(
         scene: a scene, its path or name, or a stone.
         vary: values by parameter; each parameter becomes a dimension.
         samples: values by parameter, all along one dimension "sample": `latin_hypercube` or `normal` of
-            `mjskip.design`.
+            `mjskip.sweeps.design`.
         scatter: additions by parameter along a dimension "member": an ensemble around every point, such
             as `normal({"attack": (0, 0.02)}, count=32, seed=0)`.
         throw: what is not varied; the scene's if None.
@@ -71,7 +71,7 @@ def sweep(
         integrator: of the engine; rk4, or the scene's.
         timestep: [s]; the scene's if None, or 5e-4.
         limits: what counts as a skip and when a throw is over.
-        air: of the reference engine, "adaptive" or "fixed" (see `mjskip.batch`).
+        air: of the reference engine, "adaptive" or "fixed" (see `mjskip.sweeps.batch`).
         path: Zarr store; in memory only if None. A store that is there is gone on with.
         chunk: throws that are done and written together.
         threads: of the reference engine on this machine; as many as there are processors if None.
@@ -114,7 +114,7 @@ def sweep(
         for index in todo:
             take(index, run_chunk(job, index, threads=threads))
     elif todo:
-        from mjskip.cluster import run_on_cluster
+        from mjskip.sweeps.cluster import run_on_cluster
 
         run_on_cluster(scheduler, job, todo, take)
     return place.dataset(request(job))

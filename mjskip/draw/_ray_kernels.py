@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip._jit import kernel
-from mjskip._optics_kernels import (
+from mjskip.draw._optics_kernels import (
     AWAY,
     INDEX,
     Vector,

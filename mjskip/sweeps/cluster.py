@@ -11,7 +11,7 @@ from concurrent.futures import CancelledError
 from typing import Any
 
 from mjskip.errors import MjskipError
-from mjskip.sweep_job import Job, run_chunk
+from mjskip.sweeps.job import Job, run_chunk
 
 Index = tuple[slice, ...]
 

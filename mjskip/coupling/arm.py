@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from mjskip.bodies import body_name
+from mjskip.coupling.bodies import body_name
 
 ROUNDING = 1e-9
 """Times that are sums of steps are late or early by less than this [s]."""

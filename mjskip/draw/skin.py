@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from mjskip._draw_kernels import box_means, fill_skin
+from mjskip.draw._draw_kernels import box_means, fill_skin
 
 Array = npt.NDArray[np.float64]
 

@@ -27,12 +27,13 @@ import numpy as np
 import numpy.typing as npt
 from numba import types
 
-from mjskip import _force_kernels, _layout
-from mjskip import _plugin_kernels as kernels
+from mjskip import _force_kernels
 from mjskip._jit import native
-from mjskip._layout import library
 from mjskip._native import F8P, address_of_cfunc
-from mjskip.bodies import body_stone
+from mjskip.coupling import _layout
+from mjskip.coupling import _plugin_kernels as kernels
+from mjskip.coupling._layout import library
+from mjskip.coupling.bodies import body_stone
 from mjskip.errors import MjskipError
 from mjskip.forces import pack, wrench_address
 from mjskip.water import Water

@@ -17,16 +17,16 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from mjskip.bodies import find_body
+from mjskip.coupling.bodies import find_body
+from mjskip.draw.skin import Grid, WaterSkin, add_water
 from mjskip.engines import Motion, MujocoEngine
 from mjskip.errors import RenderError
 from mjskip.forces import observe, pack
-from mjskip.lakes import Lake
 from mjskip.scene import Scene
 from mjskip.simulate import SURFACES, Surface, warm_up
-from mjskip.skin import Grid, WaterSkin, add_water
-from mjskip.twoway import MovingSurface
-from mjskip.wake import give_back
+from mjskip.waves.lake import Lake
+from mjskip.waves.twoway import MovingSurface
+from mjskip.waves.wake import give_back
 
 FPS = 60.0
 """Frames per second at most."""
@@ -244,7 +244,7 @@ class _Show:
 
 @dataclass(frozen=True, kw_only=True)
 class _Window:
-    """The part of a lake that is drawn: a `mjskip.skin.Surface`."""
+    """The part of a lake that is drawn: a `mjskip.draw.skin.Surface`."""
 
     elevation: npt.NDArray[np.float32]
     spacing: float

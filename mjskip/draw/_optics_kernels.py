@@ -75,7 +75,7 @@ def ellipsoid(stones: Array, k: int, o: Vector, d: Vector) -> tuple[float, float
     The distance is `AWAY` where it does not; the nearness is that of points ahead.
 
     Args:
-        stones: (n, 16) rows as `mjskip.optics.pack_stones` makes them.
+        stones: (n, 16) rows as `mjskip.draw.optics.pack_stones` makes them.
         k: which row.
         o: origin [m].
         d: unit direction.

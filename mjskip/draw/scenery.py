@@ -10,9 +10,9 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from mjskip.bodies import free_bodies
-from mjskip.canvas import Canvas
-from mjskip.optics import EMPTY, Ellipsoid, Eye, Lake, Panorama
+from mjskip.coupling.bodies import free_bodies
+from mjskip.draw.canvas import Canvas
+from mjskip.draw.optics import EMPTY, Ellipsoid, Eye, Lake, Panorama
 
 Array = npt.NDArray[np.float64]
 

@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import differential_evolution
 
-from mjskip.batch import ENDS, throw_all
-from mjskip.design import THROW, normal
 from mjskip.recording import Limits
 from mjskip.stone import Stone
+from mjskip.sweeps.batch import ENDS, throw_all
+from mjskip.sweeps.design import THROW, normal
 from mjskip.throw import Throw
 from mjskip.water import Water
 

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip._jit import kernel
-from mjskip._optics_kernels import AWAY, INDEX, Vector, fresnel, refract, surface
-from mjskip._ray_kernels import (
+from mjskip.draw._optics_kernels import AWAY, INDEX, Vector, fresnel, refract, surface
+from mjskip.draw._ray_kernels import (
     BLOCK,
     EYE,
     FIELD,
@@ -234,7 +234,7 @@ def shade(
         ripples: (l, n, n, 3) tiles of slopes and Laplacian [1/m] of a breath of wind.
         bottom: (m, k) heights of the bottom [m].
         panorama: see `above`.
-        stones: (s, 16), see `mjskip.optics.pack_stones`.
+        stones: (s, 16), see `mjskip.draw.optics.pack_stones`.
         sky: (n, 3) colours by the vertical part of the direction, 0 to 1.
         numbers: (52,) see the top of this file.
         coarse: from `sketch`, half as many points each way: what is seen through water is soft.

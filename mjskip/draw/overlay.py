@@ -8,11 +8,11 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from mjskip._draw_kernels import stroke
 from mjskip.attitude import matrices
-from mjskip.optics import Eye
+from mjskip.draw._draw_kernels import stroke
+from mjskip.draw.optics import Eye
+from mjskip.draw.video import Image
 from mjskip.trajectory import Trajectory
-from mjskip.video import Image
 
 Array = npt.NDArray[np.float64]
 
@@ -69,7 +69,10 @@ class Overlay:
             if times[-1] > times[0]:
                 places = [np.interp(times, self._flight.time, x) for x in self._flight.x.T]
                 behind = time - times[1:]
-                fresh = np.clip(1.0 - behind / TRAIL, 0.0, 1.0) * np.clip(behind / _CLEAR, 0.0, 1.0) ** 2
+                fresh = (
+                    np.clip(1.0 - behind / TRAIL, 0.0, 1.0)
+                    * np.clip(behind / _CLEAR, 0.0, 1.0) ** 2
+                )
                 self._line(cover, eye, np.column_stack(places), 0.75 * fresh, 1.1 * size)
         where = cover > 0.0
         share = cover[where][:, None]

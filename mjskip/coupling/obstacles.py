@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 import trimesh
 
-from mjskip.bodies import geom_solid
+from mjskip.coupling.bodies import geom_solid
 
 Array = npt.NDArray[np.float64]
 

@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from mjskip.batch import ENDS, Air, throw_all
-from mjskip.design import NAMED, STONE, SWITCHES, THROW, WATER, Design
 from mjskip.errors import DivergedError, MjskipError, MjskipWarning
 from mjskip.recording import Limits
 from mjskip.scene import Scene, load_scene
 from mjskip.simulate import simulate
 from mjskip.stone import Stone, check_positive
+from mjskip.sweeps.batch import ENDS, Air, throw_all
+from mjskip.sweeps.design import NAMED, STONE, SWITCHES, THROW, WATER, Design
 from mjskip.throw import Throw
 from mjskip.trajectory import Trajectory
 from mjskip.water import Water
@@ -60,7 +60,7 @@ class Job:
         timestep: [s].
         limits: what counts as a skip and when a throw is over.
         gravity: [m/s^2].
-        air: see `mjskip.batch.throw_all`.
+        air: see `mjskip.sweeps.batch.throw_all`.
     """
 
     stone: Stone

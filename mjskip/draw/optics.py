@@ -1,7 +1,7 @@
 """Water worth looking at: sky, sun and stones in it, and the bottom through it.
 
 Everything here is arithmetic on arrays: no OpenGL, no MuJoCo. `Lake.shade` adds the water to a
-picture of everything else; `mjskip.render` makes that picture.
+picture of everything else; `mjskip.draw.render` makes that picture.
 
 A breath of wind is drawn on the water as ripples of a few millimetres, so that still water looks like
 a lake and not like glass. It is drawn only: no stone feels it, and it is in no result.
@@ -22,11 +22,11 @@ import numpy.typing as npt
 from scipy.ndimage import gaussian_filter, maximum_filter
 from scipy.spatial import cKDTree
 
-from mjskip._optics_kernels import INDEX as INDEX
-from mjskip._optics_kernels import fresnel as fresnel
-from mjskip._optics_kernels import refract as refract
-from mjskip._ray_kernels import BLOCK, NUMBERS
-from mjskip._shade_kernels import find_smooth, shade, sketch
+from mjskip.draw._optics_kernels import INDEX as INDEX
+from mjskip.draw._optics_kernels import fresnel as fresnel
+from mjskip.draw._optics_kernels import refract as refract
+from mjskip.draw._ray_kernels import BLOCK, NUMBERS
+from mjskip.draw._shade_kernels import find_smooth, shade, sketch
 
 Array = npt.NDArray[np.float64]
 SingleArray = npt.NDArray[np.float32]

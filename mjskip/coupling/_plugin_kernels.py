@@ -22,7 +22,6 @@ from llvmlite import binding, ir
 from numba import types
 
 from mjskip._jit import kernel
-from mjskip._layout import library
 from mjskip._native import (
     as_doubles,
     as_words,
@@ -31,6 +30,7 @@ from mjskip._native import (
     stack_doubles,
     symbol,
 )
+from mjskip.coupling._layout import library
 
 WRENCH, IMMERSION, BUILDER, TABLE, GRAVITY, MEMBERS = 0, 1, 2, 3, 4, 5
 SLOTS, PAIRS = 0, 1

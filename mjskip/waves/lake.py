@@ -5,13 +5,13 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from mjskip import _touch_kernels as touch
-from mjskip import _wave_kernels as kernels
-from mjskip._grid import checked_finite, checked_number, checked_shape
-from mjskip._stencil import COURANT_LIMITS, SAFE_FRACTION, paper_limit, reach_of, unstable
-from mjskip.lakes.tiled import TILE, TiledWater
 from mjskip.waves import FloatArray, SurfaceArray, SurfaceSample
+from mjskip.waves import _touch_kernels as touch
+from mjskip.waves import _wave_kernels as kernels
+from mjskip.waves._grid import checked_finite, checked_number, checked_shape
+from mjskip.waves._stencil import COURANT_LIMITS, SAFE_FRACTION, paper_limit, reach_of, unstable
 from mjskip.waves.dense import Head, round_head
+from mjskip.waves.tiled import TILE, TiledWater
 
 
 class Lake:

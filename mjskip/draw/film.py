@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from mjskip.draw.overlay import caption
+from mjskip.draw.render import Flights, Shot, frames, shot_times
+from mjskip.draw.video import Image, Progress, check_folder, check_video_path, write_video
 from mjskip.files import whole_file
-from mjskip.overlay import caption
-from mjskip.render import Flights, Shot, frames, shot_times
 from mjskip.trajectory import Trajectory
-from mjskip.video import Image, Progress, check_folder, check_video_path, write_video
 
 if TYPE_CHECKING:
     from mjskip.scene import Scene
@@ -39,7 +39,7 @@ def render_duel(
         sides: scene and motion of the left and of the right, by their titles.
         path: .mp4, .mkv, .mov, .webp or .gif in a folder that exists.
         progress: called with the frames done and to do.
-        **shot: as for `mjskip.render.Shot`; size is that of each half.
+        **shot: as for `mjskip.draw.render.Shot`; size is that of each half.
 
     Raises:
         ValueError: there are not two sides, or a setting cannot be used.
@@ -93,7 +93,7 @@ def render_strip(
         path: .png in a folder that exists.
         moments: how many, at least 1; from the release to the end of the film.
         progress: called with the pictures done and to do.
-        **shot: as for `mjskip.render.Shot`; size is that of each picture.
+        **shot: as for `mjskip.draw.render.Shot`; size is that of each picture.
     """
     path = Path(path)
     if path.suffix.lower() != ".png":

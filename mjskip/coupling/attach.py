@@ -16,13 +16,13 @@ import numpy as np
 import numpy.typing as npt
 from numba import types
 
-from mjskip import _control_kernels as tables
 from mjskip._jit import native as compile_native
 from mjskip._native import address_of_cfunc
-from mjskip.bodies import body_name, body_stone, find_body, free_bodies
+from mjskip.coupling import _control_kernels as tables
+from mjskip.coupling.bodies import body_name, body_stone, find_body, free_bodies
+from mjskip.coupling.plugin import plugin_water
 from mjskip.errors import DivergedError, SceneError
 from mjskip.forces import Wrench, pack, pack_states, wrench_address, wrench_of
-from mjskip.plugin import plugin_water
 from mjskip.stone import Stone
 from mjskip.water import Water
 

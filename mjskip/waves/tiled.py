@@ -6,12 +6,12 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 import numpy.typing as npt
 
-from mjskip import _tile_kernels as tiles
-from mjskip import _wave_kernels as kernels
-from mjskip._grid import free_memory
-from mjskip._stencil import COURANT_LIMITS, SAME_STEP, WEIGHTS, calming
 from mjskip.errors import MjskipError
 from mjskip.waves import SurfaceArray
+from mjskip.waves import _tile_kernels as tiles
+from mjskip.waves import _wave_kernels as kernels
+from mjskip.waves._grid import free_memory
+from mjskip.waves._stencil import COURANT_LIMITS, SAME_STEP, WEIGHTS, calming
 from mjskip.waves.dense import Head
 
 TILE = tiles.TILE

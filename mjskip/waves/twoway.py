@@ -30,10 +30,10 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip import _force_kernels as kernels
-from mjskip._stencil import SAFE_FRACTION
 from mjskip.forces import observe
-from mjskip.lakes import Lake
+from mjskip.waves._stencil import SAFE_FRACTION
 from mjskip.waves.dense import Head
+from mjskip.waves.lake import Lake
 
 Array = npt.NDArray[np.float64]
 

@@ -12,10 +12,10 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from mjskip.design import MEMBER, SAMPLE
 from mjskip.errors import MjskipError
 from mjskip.files import whole_file
-from mjskip.sweep_job import RESULTS
+from mjskip.sweeps.design import MEMBER, SAMPLE
+from mjskip.sweeps.job import RESULTS
 
 SHOWN = {"rad": ("degrees", 180.0 / math.pi), "rad s-1": ("rev/s", 0.5 / math.pi)}
 """Units that people read, and the factor to them."""
@@ -37,7 +37,7 @@ def plot_sweep(
     Args:
         data: what `sweep` returned or `open_sweep` read.
         path: of the picture.
-        result: one of `mjskip.sweep_job.RESULTS`.
+        result: one of `mjskip.sweeps.job.RESULTS`.
         dpi: dots per inch.
 
     Raises:

@@ -10,13 +10,13 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from mjskip.canvas import Canvas
+from mjskip.draw.canvas import Canvas
+from mjskip.draw.optics import Eye, Lake
+from mjskip.draw.scenery import ellipsoids_of, lake_of
+from mjskip.draw.skin import Grid, Surface, WaterSkin, add_water
+from mjskip.draw.video import Image
 from mjskip.errors import RenderError, SceneError
-from mjskip.optics import Eye, Lake
-from mjskip.scenery import ellipsoids_of, lake_of
-from mjskip.skin import Grid, Surface, WaterSkin, add_water
 from mjskip.trajectory import Trajectory
-from mjskip.video import Image
 
 if TYPE_CHECKING:
     from mjskip.scene import Scene

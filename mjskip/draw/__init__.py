@@ -1,0 +1,1 @@
+"""Pictures and films of throws: replayed, never stepped."""
