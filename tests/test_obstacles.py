@@ -12,7 +12,7 @@ from mjskip.coupling.obstacles import land_of
 from mjskip.errors import SceneError
 
 WORLD = """<mujoco>
-  <custom><numeric name="mjskip.coupling.obstacles" data="{on}"/>
+  <custom><numeric name="mjskip.obstacles" data="{on}"/>
     <numeric name="mjskip.shape" data="200 150"/><numeric name="mjskip.spacing" data=".02"/></custom>
   <worldbody>
     <geom name="bottom" type="plane" pos="0 0 -1" size="0 0 1"/>
