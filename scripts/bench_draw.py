@@ -19,7 +19,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from mjskip import HeightField, Scene, load_scene, optics, simulate
+from mjskip import HeightField, Scene, load_scene, simulate
+from mjskip.draw import optics
 from mjskip.draw.gl import gl_renderer, is_software, offscreen
 from mjskip.draw.skin import Grid
 from mjskip.draw.stage import LOOKS, Stage

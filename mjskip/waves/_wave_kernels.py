@@ -40,25 +40,36 @@ def step_nine(
     """prev = z + q (z - prev) + s L(z) in rows i0..i1, nine-point L.
 
     L = [1 4 1; 4 -20 4; 1 4 1] / 6 = ([1 4 1]^T [1 4 1] - 36) / 6: the sums along a row are made
-    once and kept for the three rows that use them, in `rows` (3, at least j1 - j0).
+    once and kept for the three rows that use them, in `rows` (2 or more, at least j1 - j0).
     """
     n = j1 - j0
     four = np.float32(4.0)
     thirty_six = np.float32(36.0)
     sixth = s / np.float32(6.0)
-    for i in range(i0 - 1, i0 + 1):
-        wide = z[i, j0 - 1 : j1 + 1]
-        below = rows[i % 3]
-        for j in range(n):
-            below[j] = (wide[j] + wide[j + 2]) + four * wide[j + 1]
-    for i in range(i0, i1):
-        wide = z[i + 1, j0 - 1 : j1 + 1]
+    below, middle = rows[0], rows[1]
+    before, first = z[i0 - 1, j0 - 1 : j1 + 1], z[i0, j0 - 1 : j1 + 1]
+    for j in range(n):
+        below[j] = (before[j] + before[j + 2]) + four * before[j + 1]
+        middle[j] = (first[j] + first[j + 2]) + four * first[j + 1]
+    i = i0
+    while i + 1 < i1:  # two rows a pass: what the second needs of the first is in registers
         here = z[i, j0:j1]
-        below, middle, above = rows[(i + 2) % 3], rows[i % 3], rows[(i + 1) % 3]
-        out = prev[i, j0:j1]
+        near, far = z[i + 1, j0 - 1 : j1 + 1], z[i + 2, j0 - 1 : j1 + 1]
+        out, next_out = prev[i, j0:j1], prev[i + 1, j0:j1]
         for j in range(n):
-            row = (wide[j] + wide[j + 2]) + four * wide[j + 1]
-            above[j] = row
+            row = (near[j] + near[j + 2]) + four * near[j + 1]
+            next_row = (far[j] + far[j + 2]) + four * far[j + 1]
+            level, next_level = here[j], near[j + 1]
+            bend = ((below[j] + row) + four * middle[j]) - thirty_six * level
+            next_bend = ((middle[j] + next_row) + four * row) - thirty_six * next_level
+            below[j], middle[j] = row, next_row
+            out[j] = (level + q * (level - out[j])) + sixth * bend
+            next_out[j] = (next_level + q * (next_level - next_out[j])) + sixth * next_bend
+        i += 2
+    if i < i1:
+        here, near, out = z[i, j0:j1], z[i + 1, j0 - 1 : j1 + 1], prev[i, j0:j1]
+        for j in range(n):
+            row = (near[j] + near[j + 2]) + four * near[j + 1]
             level = here[j]
             bend = ((below[j] + row) + four * middle[j]) - thirty_six * level
             out[j] = (level + q * (level - out[j])) + sixth * bend
