@@ -1,7 +1,7 @@
 """Is it right? Runs every question in scripts/validation and writes the page that answers.
 
     python scripts/validate.py --quick     short form, under 3 minutes on two cores
-    python scripts/validate.py             full form, a few minutes more; a bar shows how far it is
+    python scripts/validate.py             full form, three to four minutes; a bar shows how far it is
 
 Writes docs/validation.md, docs/validation/*.png and docs/validation/results.json. Every number on the page
 comes from the results of the same run.
