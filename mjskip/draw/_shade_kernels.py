@@ -28,7 +28,7 @@ SingleArray = npt.NDArray[np.float32]
 Indices = npt.NDArray[np.int64]
 Image = npt.NDArray[np.uint8]
 
-ALIKE = 0.07  # of full brightness: neighbours that differ by less need nothing traced between them
+ALIKE = 0.1  # of full brightness: neighbours that differ by less need nothing traced between them
 
 
 @kernel
