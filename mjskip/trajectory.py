@@ -192,6 +192,11 @@ class Trajectory:
         Raises:
             MjskipError: the file is missing or is not such a file.
         """
+        if not os.path.isfile(path):
+            raise MjskipError(
+                f"{path} cannot be read as a trajectory: there is no such file; give one that "
+                "`mjskip run --save` wrote"
+            )
         try:
             with xr.open_dataset(path, engine="h5netcdf", decode_times=False) as opened:
                 data = opened.load()

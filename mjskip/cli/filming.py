@@ -38,6 +38,9 @@ from mjskip.trajectory import Trajectory
 
 F = TypeVar("F", bound=Callable[..., Any])
 FILE = click.Path(path_type=Path)
+CAMERA = "side"
+"""The camera if none is named; a scene that is not drawn need not have it."""
+
 TARGETS = ("video", "frames", "strip", "picture", "side_by_side")
 FILMING = (*TARGETS, *(field.name for field in fields(Shot)))
 
@@ -55,11 +58,11 @@ def film_options(function: F) -> F:
             "--strip", type=click.IntRange(1, 100), metavar="N", help="Write N moments in one picture."
         ),
         click.option(
-            "--picture", type=FILE, default="strip.png", show_default=True, metavar="FILE",
-            help="Where --strip writes.",
+            "--picture", type=FILE, metavar="FILE",
+            help="Where --strip writes.  [default: strip.png]",
         ),
         click.option("--side-by-side", is_flag=True, help="Each of two stones in its own half."),
-        click.option("--camera", default="side", show_default=True, metavar="NAME"),
+        click.option("--camera", default=CAMERA, show_default=True, metavar="NAME"),
         click.option("--size", type=Size(), default="640x480", show_default=True),
         click.option("--fps", type=float, default=30.0, show_default=True),
         click.option("--look", type=click.Choice(LOOKS), default="shaded", show_default=True),
@@ -88,23 +91,36 @@ def check_film(options: Mapping[str, Any]) -> None:
     if options["frames"] is not None:
         check_folder(options["frames"])
     if options["strip"] is not None:
-        check_folder(options["picture"].parent)
-        if options["picture"].suffix.lower() != ".png":
-            raise ValueError(f"picture name {options['picture']}: use .png")
+        picture = _picture(options)
+        check_folder(picture.parent)
+        if picture.suffix.lower() != ".png":
+            raise ValueError(f"picture name {picture}: use .png")
+    elif options["picture"] is not None:
+        raise ValueError("--picture says where --strip writes: give --strip N too")
     if options["side_by_side"] and options["video"] is None:
         raise ValueError("--side-by-side is about a video: give --video too")
 
 
+def _picture(options: Mapping[str, Any]) -> Path:
+    """Where --strip writes."""
+    return options["picture"] or Path("strip.png")
+
+
+def _draws(options: Mapping[str, Any]) -> bool:
+    return any(options[name] is not None for name in ("video", "frames", "strip"))
+
+
 def check_stage(scene: Scene, options: Mapping[str, Any]) -> None:
     """Refuse a camera that the scene lacks, and a duel without two stones."""
-    check_camera(scene.model, options["camera"])
+    if _draws(options) or options["camera"] != CAMERA:
+        check_camera(scene.model, options["camera"])
     if options["side_by_side"]:
         duel_of(scene, dict.fromkeys(scene.throws))  # type: ignore[arg-type]
 
 
 def film(scene: Scene, trajectories: Mapping[str, Trajectory], options: Mapping[str, Any]) -> None:
     """Draw all that was asked for."""
-    if all(options[name] is None for name in ("video", "frames", "strip")):
+    if not _draws(options):
         return
     renderer = gl_renderer()
     slow = "  (software: slow; a GPU driver with EGL would draw faster)"
@@ -121,10 +137,10 @@ def film(scene: Scene, trajectories: Mapping[str, Trajectory], options: Mapping[
         with _bar(options["frames"]) as progress:
             render_frames(scene, trajectories, options["frames"], progress=progress, **shot)
     if options["strip"] is not None:
-        with _bar(options["picture"]) as progress:
+        with _bar(_picture(options)) as progress:
             moments = options["strip"]
             render_strip(
-                scene, trajectories, options["picture"], moments=moments, progress=progress, **shot
+                scene, trajectories, _picture(options), moments=moments, progress=progress, **shot
             )
 
 

@@ -63,6 +63,8 @@ def run(
 ) -> None:
     """Throw the stone of SCENE (an MJCF file or a shipped scene) and count its skips."""
     filming = {name: options.pop(name) for name in FILMING}
+    if own_dent and surface != "waves":
+        raise ValueError("--own-dent is about moving water: give --surface waves too")
     check_film(filming)
     if save is not None:
         check_folder(save.parent)

@@ -66,8 +66,16 @@ class Coupling:
                 time=when,
             )
 
-    def wrench(self, data: mujoco.MjData, body: int) -> Wrench:
-        """Wrench of water and air on an attached body in the pose and motion of `data`."""
+    def wrench(self, data: mujoco.MjData, body: int | str) -> Wrench:
+        """Wrench of water and air on an attached body, by name or id, in the pose and motion of `data`.
+
+        Raises:
+            SceneError: the water does not act on such a body.
+        """
+        body = find_body(self.model, body) if isinstance(body, str) else body
+        if body not in self.bodies:
+            has = ", ".join(f"{body_name(self.model, b)!r} ({b})" for b in self.bodies)
+            raise SceneError(f"body {body!r} is not attached: the water acts on {has}")
         velocity = np.empty(6)
         mujoco.mj_objectVelocity(self.model, data, mujoco.mjtObj.mjOBJ_BODY, body, velocity, 0)
         rotation = data.xmat[body].reshape(1, 3, 3)

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import qmc
 
 Array = npt.NDArray[np.float64]
 
@@ -59,6 +58,8 @@ def latin_hypercube(
     for name, (low, high) in ranges.items():
         if not low < high:
             raise ValueError(f"{name} from {low!r} to {high!r}: give the lower end first")
+    from scipy.stats import qmc  # half a second of imports that few need
+
     points = qmc.LatinHypercube(len(ranges), rng=np.random.default_rng(seed)).random(count)
     return {
         name: low + (high - low) * points[:, k]
@@ -81,6 +82,8 @@ def normal(
         if deviation < 0.0:
             raise ValueError(f"the standard deviation of {name} is {deviation!r}: give at least 0")
     size = len(spreads)
+    from scipy.stats import qmc
+
     cube = qmc.LatinHypercube(size, rng=np.random.default_rng(seed))
     bell = qmc.MultivariateNormalQMC(np.zeros(size), np.eye(size), engine=cube, inv_transform=True)
     points = bell.random(count)

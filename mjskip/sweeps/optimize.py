@@ -8,7 +8,6 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import differential_evolution
 
 from mjskip.recording import Limits
 from mjskip.stone import Stone
@@ -167,6 +166,8 @@ def optimize(
         generation += 1
         if progress:
             progress(min(generation, generations), generations)
+
+    from scipy.optimize import differential_evolution
 
     search: Any = differential_evolution  # its stubs know no vectorized=True
     found = search(
