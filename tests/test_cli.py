@@ -130,6 +130,9 @@ BAD = {
     "time step": (("run", "--timestep", "-1"), "timestep is -1"),
     "endless": (("run", "--duration", "1e9"), "at most 1e.07 are allowed"),
     "camera": (("run", "--camera", "moon", "--video", "a.mp4"), "side"),
+    "camera unseen": (("run", "--camera", "moon"), "side"),
+    "picture": (("run", "--picture", "p.png"), "give --strip"),
+    "dent": (("run", "--own-dent"), "--surface waves"),
     "command": (("throw",), "No such command"),
     "ladder": (("compare", "--timestep", "3e-4", "--timestep", "2e-4"), "no multiple"),
     "never touches": (("compare", "--height", "900"), "does not touch the water"),
@@ -143,6 +146,20 @@ def test_bad_input_gets_one_clear_line_and_code_2(capsys, arguments, says):
     assert out == ""
     (line,) = [line for line in err.splitlines() if line.startswith("mjskip: ")]
     assert re.search(says, line), line
+
+
+def test_a_scene_without_cameras_runs_when_nothing_is_drawn(capsys, tmp_path):
+    scene = tmp_path / "ball.xml"
+    scene.write_text(
+        "<mujoco><worldbody><body name='ball' pos='0 0 .3'><freejoint/>"
+        "<geom size='.04' density='800'/></body></worldbody></mujoco>"
+    )
+    assert run(capsys, "run", str(scene))[0] == 0
+    code, _, err = run(
+        capsys, "run", str(scene), "--strip", "2", "--picture", str(tmp_path / "p.png")
+    )
+    assert code == 2
+    assert "camera" in err
 
 
 def test_a_coarse_time_step_is_doubted_with_both_numbers(capsys):

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from mujoco import batch, rollout
 
-from mjskip import Limits, Stone, Water, attach, integrate
+from mjskip import Limits, Stone, Water, attach, integrate, load_scene
 from mjskip.attitude import difference, matrices
 from mjskip.coupling._control_kernels import library
 from mjskip.coupling.bodies import body_stone
@@ -609,3 +609,15 @@ def test_bodies_and_geoms_that_are_not_there_are_refused_with_those_that_are():
     )
     with pytest.raises(SceneError, match="no free body"), attach(still):
         pass
+
+
+def test_a_wrench_is_asked_for_by_name_or_id_of_an_attached_body():
+    model = mujoco.MjModel.from_xml_path(str(load_scene("lake").path))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    with attach(model, data) as coupling:
+        by_name = coupling.wrench(data, "stone")
+        by_id = coupling.wrench(data, coupling.bodies[0])
+        np.testing.assert_array_equal(by_name.force, by_id.force)
+        with pytest.raises(SceneError, match="not attached: the water acts on 'stone'"):
+            coupling.wrench(data, 0)
