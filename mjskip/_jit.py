@@ -21,6 +21,16 @@ def kernel(function: F) -> F:
     return compiled
 
 
+def picture_kernel(function: F) -> F:
+    """The same for the optics of a picture, where sums may be taken in any order and roots be approximate.
+
+    Infinities and not-a-number keep their meaning.
+    """
+    loose = {"contract", "reassoc", "arcp", "nsz", "afn"}
+    compiled: F = numba.njit(**OPTIONS, fastmath=loose)(function)
+    return compiled
+
+
 def native(signature: Any) -> Callable[[Callable[..., Any]], Any]:
     """Compile to a C function of this signature, callable by address from any thread."""
     return lambda function: numba.cfunc(signature, cache=True, error_model="numpy")(function)
