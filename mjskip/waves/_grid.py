@@ -81,6 +81,25 @@ def checked_finite(unit: str, **values: float) -> None:
             raise ValueError(f"{name} is {value!r}: give a finite number [{unit}]")
 
 
+def checked_load(
+    x: float,
+    y: float,
+    *,
+    force: float,
+    radius: float,
+    density: float,
+    gravity: float,
+    spacing: float,
+) -> float:
+    """Volume of the head of a load that can be pressed on water [cells x m]."""
+    checked_finite("m", x=x, y=y)
+    checked_finite("N", force=force)
+    checked_number("radius", radius, "m", positive=True)
+    checked_number("density", density, "kg/m^3", positive=True)
+    checked_number("gravity", gravity, "m/s^2", positive=True)
+    return force / (density * gravity * spacing**2)
+
+
 def checked_name(what: str, name: Name, allowed: tuple[Name, ...]) -> Name:
     """One of the names there are."""
     if name not in allowed:

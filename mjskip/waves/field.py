@@ -10,6 +10,7 @@ import numpy.typing as npt
 from mjskip.waves import _wave_kernels as kernels
 from mjskip.waves._grid import (
     checked_finite,
+    checked_load,
     checked_name,
     checked_number,
     checked_shape,
@@ -240,12 +241,9 @@ class HeightField:
         Raises:
             ValueError: an argument is not finite, or radius, density or gravity is not positive.
         """
-        checked_finite("m", x=x, y=y)
-        checked_finite("N", force=force)
-        checked_number("radius", radius, "m", positive=True)
-        checked_number("density", density, "kg/m^3", positive=True)
-        checked_number("gravity", gravity, "m/s^2", positive=True)
-        head_volume = force / (density * gravity * self.spacing**2)
+        head_volume = checked_load(
+            x, y, force=force, radius=radius, density=density, gravity=gravity, spacing=self.spacing
+        )
         reach = reach_of(radius, self.spacing)
         at_x, at_y = (float(at[0]) for at in self._in_cells(np.array([x]), np.array([y])))
         nx, ny = self._water.i1 - 1, self._water.j1 - self._water.j0

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from mjskip.waves import FloatArray, SurfaceArray, SurfaceSample
 from mjskip.waves import _touch_kernels as touch
 from mjskip.waves import _wave_kernels as kernels
-from mjskip.waves._grid import checked_finite, checked_number, checked_shape
+from mjskip.waves._grid import checked_finite, checked_load, checked_number, checked_shape
 from mjskip.waves._stencil import COURANT_LIMITS, SAFE_FRACTION, paper_limit, reach_of, unstable
 from mjskip.waves.dense import Head, round_head
 from mjskip.waves.tiled import TILE, TiledWater
@@ -175,12 +175,10 @@ class Lake:
         gravity: float = 9.81,
     ) -> None:
         """Load the surface through the next `step` or `advance`: see `HeightField.press`."""
-        checked_finite("m", x=x, y=y)
-        checked_finite("N", force=force)
-        checked_number("radius", radius, "m", positive=True)
-        checked_number("density", density, "kg/m^3", positive=True)
-        checked_number("gravity", gravity, "m/s^2", positive=True)
-        head = self.head(x, y, radius=radius, volume=force / (density * gravity * self.spacing**2))
+        head_volume = checked_load(
+            x, y, force=force, radius=radius, density=density, gravity=gravity, spacing=self.spacing
+        )
+        head = self.head(x, y, radius=radius, volume=head_volume)
         if head is not None and force != 0.0:
             self._loads.append(head)
 
