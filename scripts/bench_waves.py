@@ -77,10 +77,16 @@ def bench() -> dict[str, Any]:
     source = small.elevation.copy()
     target = source.copy()
     z, prev = np.pad(source, 1, mode="edge"), np.pad(source, 1, mode="edge")
-    # Twice, and the better of the two: another process on the machine disturbs one of them.
-    ours = min(median_seconds(lambda: small.step(step), repeats=500) for _ in range(2))
-    copy = min(median_seconds(lambda: np.copyto(target, source), repeats=500) for _ in range(2))
-    numpy_slices = min(median_seconds(lambda: numpy_step(z, prev), repeats=100) for _ in range(2))
+    # In turns, and the best of each: another process on the machine disturbs some of them.
+    rounds = [
+        (
+            median_seconds(lambda: small.step(step), repeats=300),
+            median_seconds(lambda: np.copyto(target, source), repeats=300),
+            median_seconds(lambda: numpy_step(z, prev), repeats=30),
+        )
+        for _ in range(6)
+    ]
+    ours, copy, numpy_slices = (min(times) for times in zip(*rounds, strict=True))
 
     dense = []
     for threads in (1, 2):

@@ -9,12 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip._jit import kernel
+from mjskip.waves._row import column_sum, step_rows
 
 Pool = npt.NDArray[np.float32]
 Slots = npt.NDArray[np.int32]
 
 TILE = 64
-"""Cells along a side: three rows and the sums of three more stay in the first-level cache."""
+"""Cells along a side, a whole number of vectors: its rows stay in the first-level cache."""
 
 SLEEPING = 0
 WALL = -1
@@ -27,51 +28,63 @@ def step_tiles(
     neighbours: Slots,
     first: int,
     last: int,
-    q: np.float32,
-    s: np.float32,
-    rows: npt.NDArray[np.float32],
+    q: float,
+    s: float,
+    sides: npt.NDArray[np.float32],
 ) -> None:
     """prev = z + q (z - prev) + s L(z) in tiles first..last; see `_wave_kernels.step_nine`.
 
     Every cell is the same sum in the same order as there, so the two agree to the last bit.
+
+    Args:
+        sides: (2, TILE + 2), for the cells beside a tile.
     """
-    four = np.float32(4.0)
-    thirty_six = np.float32(36.0)
-    sixth = s / np.float32(6.0)
-    n = TILE  # a constant, so that loops over a row have no remainder
-    flat = z.reshape(z.size)
+    along, sixth = np.float32(q), np.float32(s) / np.float32(6.0)
+    n = TILE
+    cells, out = z.reshape(z.size), prev.reshape(prev.size)
+    west, east = sides[0], sides[1]
     for k in range(first, last):
-        for r in range(-1, n + 1):
-            # Which row this is: of this tile, of the one before or after, or its mirror at a wall.
-            band, i = 3, r
-            if r < 0:
-                band, i = (0, n - 1) if neighbours[k, 1] != WALL else (3, 0)
-            elif r == n:
-                band, i = (6, 0) if neighbours[k, 7] != WALL else (3, n - 1)
-            west, tile, east = neighbours[k, band], neighbours[k, band + 1], neighbours[k, band + 2]
-            row = rows[(r + 3) % 3]
-            if tile == SLEEPING:
-                row[:] = np.float32(0.0)
-            else:
-                # One cell too far on either side (there is always a slot before and after), so that
-                # the row is summed in one go; its two ends are then set right.
-                start = (tile * n + i) * n
-                wide = flat[start - 1 : start + n + 1]
-                for j in range(n):
-                    row[j] = (wide[j] + wide[j + 2]) + four * wide[j + 1]
-            cells = z[tile, i]
-            before = z[west, i, n - 1] if west != WALL else cells[0]
-            after = z[east, i, 0] if east != WALL else cells[n - 1]
-            row[0] = (before + cells[1]) + four * cells[0]
-            row[n - 1] = (cells[n - 2] + after) + four * cells[n - 1]
-            if r < 1:
-                continue
-            below, middle = rows[(r + 1) % 3], rows[(r + 2) % 3]
-            here, out = z[k, r - 1], prev[k, r - 1]
-            for j in range(n):
-                level = here[j]
-                bend = ((below[j] + row[j]) + four * middle[j]) - thirty_six * level
-                out[j] = (level + q * (level - out[j])) + sixth * bend
+        # What lies beyond each side: the neighbour's rim, or at a wall the tile's own.
+        south, north = neighbours[k, 1], neighbours[k, 7]
+        own = k * n * n
+        before = own if south == WALL else (south * n + n - 1) * n
+        after = own + (n - 1) * n if north == WALL else north * n * n
+        left, right = neighbours[k, 3], neighbours[k, 5]
+        for r in range(n):
+            west[r + 1] = z[left, r, n - 1] if left != WALL else z[k, r, 0]
+            east[r + 1] = z[right, r, 0] if right != WALL else z[k, r, n - 1]
+        west[0], east[0], west[n + 1], east[n + 1] = west[1], east[1], west[n], east[n]
+        if south != WALL:
+            left, right = neighbours[k, 0], neighbours[k, 2]
+            west[0] = z[left, n - 1, n - 1] if left != WALL else z[south, n - 1, 0]
+            east[0] = z[right, n - 1, 0] if right != WALL else z[south, n - 1, n - 1]
+        if north != WALL:
+            left, right = neighbours[k, 6], neighbours[k, 8]
+            west[n + 1] = z[left, 0, n - 1] if left != WALL else z[north, 0, 0]
+            east[n + 1] = z[right, 0, 0] if right != WALL else z[north, 0, n - 1]
+        for r in range(0, n, 4):
+            at = own + r * n
+            starts = (
+                before if r == 0 else at - n,
+                at,
+                at + n,
+                at + 2 * n,
+                at + 3 * n,
+                after if r == n - 4 else at + 4 * n,
+            )
+            sums_west = (
+                column_sum(west[r], west[r + 1], west[r + 2]),
+                column_sum(west[r + 1], west[r + 2], west[r + 3]),
+                column_sum(west[r + 2], west[r + 3], west[r + 4]),
+                column_sum(west[r + 3], west[r + 4], west[r + 5]),
+            )
+            sums_east = (
+                column_sum(east[r], east[r + 1], east[r + 2]),
+                column_sum(east[r + 1], east[r + 2], east[r + 3]),
+                column_sum(east[r + 2], east[r + 3], east[r + 4]),
+                column_sum(east[r + 3], east[r + 4], east[r + 5]),
+            )
+            step_rows(cells, starts, out, n, sums_west, sums_east, along, sixth)
 
 
 @kernel

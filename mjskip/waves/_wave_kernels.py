@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip._jit import kernel
+from mjskip.waves._row import column_sum, step_rows
 
 Grid = npt.NDArray[np.float32]
 
@@ -33,46 +34,62 @@ def step_nine(
     i1: int,
     j0: int,
     j1: int,
-    q: np.float32,
-    s: np.float32,
-    rows: Grid,
+    q: float,
+    s: float,
+    mirrored: bool,
 ) -> None:
     """prev = z + q (z - prev) + s L(z) in rows i0..i1, nine-point L.
 
-    L = [1 4 1; 4 -20 4; 1 4 1] / 6 = ([1 4 1]^T [1 4 1] - 36) / 6: the sums along a row are made
-    once and kept for the three rows that use them, in `rows` (2 or more, at least j1 - j0).
+    If `mirrored`, the grid ends in walls as in `fill_ghosts`, whose ghosts are then neither read nor
+    needed; j0..j1 are all its cells.
+
+    L = [1 4 1; 4 -20 4; 1 4 1] / 6 = ([1 4 1]^T [1 4 1] - 36) / 6; four rows a pass share what they load.
     """
-    n = j1 - j0
-    four = np.float32(4.0)
-    thirty_six = np.float32(36.0)
-    sixth = s / np.float32(6.0)
-    below, middle = rows[0], rows[1]
-    before, first = z[i0 - 1, j0 - 1 : j1 + 1], z[i0, j0 - 1 : j1 + 1]
-    for j in range(n):
-        below[j] = (before[j] + before[j + 2]) + four * before[j + 1]
-        middle[j] = (first[j] + first[j + 2]) + four * first[j + 1]
+    along, sixth = np.float32(q), np.float32(s) / np.float32(6.0)
+    cells, out, stride, n = z.reshape(z.size), prev.reshape(prev.size), z.shape[1], j1 - j0
+    wall = 1 if mirrored else 0
+    low, high = wall, z.shape[0] - 1 - wall
+    west, east = z[:, j0 - 1 + wall], z[:, j1 - wall]
     i = i0
-    while i + 1 < i1:  # two rows a pass: what the second needs of the first is in registers
-        here = z[i, j0:j1]
-        near, far = z[i + 1, j0 - 1 : j1 + 1], z[i + 2, j0 - 1 : j1 + 1]
-        out, next_out = prev[i, j0:j1], prev[i + 1, j0:j1]
-        for j in range(n):
-            row = (near[j] + near[j + 2]) + four * near[j + 1]
-            next_row = (far[j] + far[j + 2]) + four * far[j + 1]
-            level, next_level = here[j], near[j + 1]
-            bend = ((below[j] + row) + four * middle[j]) - thirty_six * level
-            next_bend = ((middle[j] + next_row) + four * row) - thirty_six * next_level
-            below[j], middle[j] = row, next_row
-            out[j] = (level + q * (level - out[j])) + sixth * bend
-            next_out[j] = (next_level + q * (next_level - next_out[j])) + sixth * next_bend
-        i += 2
-    if i < i1:
-        here, near, out = z[i, j0:j1], z[i + 1, j0 - 1 : j1 + 1], prev[i, j0:j1]
-        for j in range(n):
-            row = (near[j] + near[j + 2]) + four * near[j + 1]
-            level = here[j]
-            bend = ((below[j] + row) + four * middle[j]) - thirty_six * level
-            out[j] = (level + q * (level - out[j])) + sixth * bend
+    while i < i1:
+        below = max(i - 1, low)
+        if i + 4 <= i1:
+            above = min(i + 4, high)
+            starts = (
+                below * stride + j0,
+                i * stride + j0,
+                (i + 1) * stride + j0,
+                (i + 2) * stride + j0,
+                (i + 3) * stride + j0,
+                above * stride + j0,
+            )
+            left = (
+                column_sum(west[below], west[i], west[i + 1]),
+                column_sum(west[i], west[i + 1], west[i + 2]),
+                column_sum(west[i + 1], west[i + 2], west[i + 3]),
+                column_sum(west[i + 2], west[i + 3], west[above]),
+            )
+            right = (
+                column_sum(east[below], east[i], east[i + 1]),
+                column_sum(east[i], east[i + 1], east[i + 2]),
+                column_sum(east[i + 1], east[i + 2], east[i + 3]),
+                column_sum(east[i + 2], east[i + 3], east[above]),
+            )
+            step_rows(cells, starts, out, n, left, right, along, sixth)
+            i += 4
+        else:
+            above = min(i + 1, high)
+            step_rows(
+                cells,
+                (below * stride + j0, i * stride + j0, above * stride + j0),
+                out,
+                n,
+                (column_sum(west[below], west[i], west[above]),),
+                (column_sum(east[below], east[i], east[above]),),
+                along,
+                sixth,
+            )
+            i += 1
 
 
 @kernel
@@ -83,12 +100,11 @@ def step_five(
     i1: int,
     j0: int,
     j1: int,
-    q: np.float32,
-    s: np.float32,
-    rows: Grid,
+    q: float,
+    s: float,
 ) -> None:
-    """prev = z + q (z - prev) + s L(z) in rows i0..i1, five-point L (`rows` is not used)."""
-    n = j1 - j0
+    """prev = z + q (z - prev) + s L(z) in rows i0..i1, five-point L."""
+    n, along, scale = j1 - j0, np.float32(q), np.float32(s)
     four = np.float32(4.0)
     for i in range(i0, i1):
         below, here, above = z[i - 1, j0:j1], z[i, j0 - 1 : j1 + 1], z[i + 1, j0:j1]
@@ -96,7 +112,7 @@ def step_five(
         for j in range(n):
             level = here[j + 1]
             bend = ((below[j] + above[j]) + (here[j] + here[j + 2])) - four * level
-            out[j] = (level + q * (level - out[j])) + s * bend
+            out[j] = (level + along * (level - out[j])) + scale * bend
 
 
 @kernel

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip.waves import _wave_kernels as kernels
-from mjskip.waves._grid import aligned_zeros, refuse_if_too_large
+from mjskip.waves._grid import APART, aligned_zeros, refuse_if_too_large
 from mjskip.waves._stencil import (
     COURANT_LIMITS,
     SAME_STEP,
@@ -69,7 +69,7 @@ class DenseWater:
         stride = -(-(self.j1 + 1) // 16) * 16
         refuse_if_too_large(shape, (2 if land is None else 3) * 4 * (nx + 2) * stride)
         self.z = aligned_zeros(nx + 2, stride)
-        self.prev = aligned_zeros(nx + 2, stride)
+        self.prev = aligned_zeros(nx + 2, stride, after=APART)
         self.last_timestep = 0.0
         self.code = kernels.BOUNDARY_CODES[boundary]
 
@@ -89,10 +89,9 @@ class DenseWater:
 
         cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
         self._threads = threads or max(1, min(cores, nx * ny // CELLS_PER_THREAD))
-        self._rows = [aligned_zeros(3, stride) for _ in range(self._threads)]
         self._spare: tuple[SurfaceArray, SurfaceArray] | None = None  # made at a change of step
         self._pool: tuple[int, ThreadPoolExecutor] | None = None
-        self._row_step = kernels.step_five if stencil == "five_point" else kernels.step_nine
+        self._mirrors = (stencil, boundary, land is None) == ("nine_point", "reflect", True)
         self._cuts = {
             margin: np.linspace(1 + margin, nx + 1 - margin, self._threads + 1).astype(int).tolist()
             for margin in (0, self.margin)
@@ -113,7 +112,8 @@ class DenseWater:
         """One step under the heads [s]."""
         r = (self._rate * timestep) ** 2
         m = 0.5 * self._damping * timestep
-        self._fill_ghosts(timestep)
+        if not self._mirrors:
+            self._fill_ghosts(timestep)
         if abs(timestep - self.last_timestep) > SAME_STEP * timestep:
             self._retime(timestep)
         if self.open.size:
@@ -184,15 +184,18 @@ class DenseWater:
         """prev = z + q (z - prev) + s L(z) inside the margin, rows shared by threads."""
         cuts = self._cuts[margin]
         j0, j1 = self.j0 + margin, self.j1 - margin
-        q32, s32 = np.float32(q), np.float32(s)
-        if self._threads == 1:
-            self._row_step(self.z, self.prev, cuts[0], cuts[1], j0, j1, q32, s32, self._rows[0])
-            return
 
         def band(k: int) -> None:
-            self._row_step(self.z, self.prev, cuts[k], cuts[k + 1], j0, j1, q32, s32, self._rows[k])
+            rows = self.z, self.prev, cuts[k], cuts[k + 1], j0, j1, q, s
+            if self.stencil == "five_point":
+                kernels.step_five(*rows)
+            else:
+                kernels.step_nine(*rows, self._mirrors)
 
-        self._share(band)
+        if self._threads == 1:
+            band(0)
+        else:
+            self._share(band)
 
     def _share(self, band: Callable[[int], None]) -> None:
         """Call band(0), band(1), ... each in a thread, and wait for all."""

@@ -51,7 +51,7 @@ class TiledWater:
         """Make still water; rate = c / d [1/s], damping mu [1/s], sleep_amplitude [m]."""
         self.shape = shape
         self._rate, self._damping, self._sleep_amplitude = rate, damping, sleep_amplitude
-        self._rows = np.zeros((3, TILE), np.float32)
+        self._sides = np.zeros((2, TILE + 2), np.float32)
         self.generation = 0
         self.reset()
 
@@ -128,8 +128,7 @@ class TiledWater:
 
     def _sweep(self, q: float, s: float) -> None:
         tiles.step_tiles(
-            self.z, self.prev, self.neighbours, 1, self.used, np.float32(q), np.float32(s),
-            self._rows,
+            self.z, self.prev, self.neighbours, 1, self.used, q, s, self._sides
         )  # fmt: skip
 
     # Tiles --------------------------------------------------------------------------------------
