@@ -406,6 +406,23 @@ def test_a_change_of_step_hardly_touches_waves_that_the_grid_resolves():
     assert left == pytest.approx(1.0 - 0.016, abs=0.006)
 
 
+@pytest.mark.parametrize("threads", [1, 3])
+@pytest.mark.parametrize("count", [2, 7, 8, 9, 21])
+@pytest.mark.parametrize(
+    "shape", [(50, 37), (60, 9000)]
+)  # all of it in the cache, four rows at a time
+def test_several_steps_in_one_pass_are_single_steps_to_the_last_bit(threads, count, shape):
+    deep, single = (HeightField(shape, threads=threads) for _ in range(2))
+    for water in (deep, single):
+        water.displace(0.1, 0.2, height=0.01, radius=0.3)
+        water.step(0.01)
+    assert deep.advance(count * 0.017) == count
+    for _ in range(count):
+        single.step(count * 0.017 / count)
+    assert np.array_equal(deep.elevation, single.elevation)
+    assert np.array_equal(deep.velocity, single.velocity)
+
+
 def test_threads_do_not_change_a_bit():
     one, three = (HeightField((100, 64), threads=n) for n in (1, 3))
     for water in (one, three):

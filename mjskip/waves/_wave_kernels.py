@@ -22,6 +22,9 @@ Grid = npt.NDArray[np.float32]
 FIRST = 16
 """Column of the first cell; with a row stride of a multiple of 16 every row starts aligned."""
 
+CACHE_CELLS = 1 << 15
+"""Cells of each of two grids that stay in the second-level cache together."""
+
 REFLECT, PERIODIC, OUTGOING = 0, 1, 2
 BOUNDARY_CODES = {"reflect": REFLECT, "periodic": PERIODIC, "absorb": OUTGOING}
 
@@ -90,6 +93,44 @@ def step_nine(
                 sixth,
             )
             i += 1
+
+
+@kernel
+def step_nine_deep(
+    z: Grid,
+    prev: Grid,
+    i0: int,
+    i1: int,
+    j0: int,
+    j1: int,
+    q: float,
+    s: float,
+    depth: int,
+    shrink_low: int,
+    shrink_high: int,
+) -> None:
+    """Several steps between walls in one pass: z and prev change roles after each of them.
+
+    Step m (from 0) covers rows i0 + m shrink_low .. i1 - m shrink_high. It follows the step before it a
+    row behind, where that one has been and will not come again, so that rows are stepped while they are
+    in the cache.
+    """
+    chunk = max(4, (CACHE_CELLS // z.shape[1] - depth) // 4 * 4)
+    done, end = np.empty(depth, np.int64), np.empty(depth, np.int64)
+    for m in range(depth):
+        done[m], end[m] = i0 + m * shrink_low, i1 - m * shrink_high
+    while done[depth - 1] < end[depth - 1]:
+        for m in range(depth):
+            if m == 0:
+                until = min(done[0] + chunk, end[0])
+            else:
+                until = end[m] if done[m - 1] == end[m - 1] else min(done[m - 1] - 1, end[m])
+            if until > done[m]:
+                if m % 2 == 0:
+                    step_nine(z, prev, done[m], until, j0, j1, q, s, True)
+                else:
+                    step_nine(prev, z, done[m], until, j0, j1, q, s, True)
+                done[m] = until
 
 
 @kernel

@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -20,6 +20,9 @@ from mjskip.waves._stencil import (
     calming,
     sponge,
 )
+
+STEPS_PER_PASS = 8
+"""Steps made in one pass over memory: 2.2 times as fast as one at 4096 x 4096, where 4 are 1.9 times."""
 
 FloatArray = npt.NDArray[np.float64]
 SurfaceArray = npt.NDArray[np.float32]
@@ -92,6 +95,7 @@ class DenseWater:
         self._spare: tuple[SurfaceArray, SurfaceArray] | None = None  # made at a change of step
         self._pool: tuple[int, ThreadPoolExecutor] | None = None
         self._mirrors = (stencil, boundary, land is None) == ("nine_point", "reflect", True)
+        self._deep = self._mirrors and nx // self._threads >= 2 * STEPS_PER_PASS
         self._cuts = {
             margin: np.linspace(1 + margin, nx + 1 - margin, self._threads + 1).astype(int).tolist()
             for margin in (0, self.margin)
@@ -108,20 +112,30 @@ class DenseWater:
         self.prev[...] = 0.0
         self.last_timestep = 0.0
 
-    def step(self, timestep: float, heads: Iterable[Head]) -> None:
+    def steps(self, timestep: float, count: int, heads: Sequence[Head]) -> None:
+        """Some equal steps under the heads [s]: several in one pass over memory where that can be done."""
+        if self._deep and not heads and count > 1:
+            self._retime(timestep)
+            while count > 1:
+                depth = min(count, STEPS_PER_PASS)
+                self._sweep_deep(*self._weights(timestep), depth)
+                count -= depth
+        for _ in range(count):
+            self.step(timestep, heads)
+
+    def step(self, timestep: float, heads: Sequence[Head]) -> None:
         """One step under the heads [s]."""
         r = (self._rate * timestep) ** 2
         m = 0.5 * self._damping * timestep
         if not self._mirrors:
             self._fill_ghosts(timestep)
-        if abs(timestep - self.last_timestep) > SAME_STEP * timestep:
-            self._retime(timestep)
+        self._retime(timestep)
         if self.open.size:
             self._sweep_masked(1.0, m, r, timestep)
         elif self.stencil == "paper_eq8":
             self._sweep_printed(m, r)
         else:
-            self._sweep((1.0 - m) / (1.0 + m), r / (1.0 + m), self.margin)
+            self._sweep(*self._weights(timestep), self.margin)
             if self.margin:
                 self._sweep_margin(m, r, timestep)
         self.z, self.prev = self.prev, self.z
@@ -130,7 +144,6 @@ class DenseWater:
             kernels.add_head(
                 self.z, head, i, j, self.i1, self.j0, self.j1, self.code, edge, corner, self.open
             )
-        self.last_timestep = timestep
 
     def start(self, timestep: float) -> None:
         """Let water that was just set at rest have come from a step of this size."""
@@ -145,7 +158,9 @@ class DenseWater:
         own form with other coefficients. Water that has not moved yet (t0 = 0) starts at rest.
         """
         t0, t1, rate2 = self.last_timestep, timestep, self._rate**2
-        self.last_timestep = timestep
+        if abs(t1 - t0) <= SAME_STEP * t1:
+            return
+        self.last_timestep = t1
         if t0 == 0.0:
             self._apply(0.0, 0.5 * rate2 * t1 * t1)
             return
@@ -171,6 +186,11 @@ class DenseWater:
         else:
             self._sweep(q, s, 0)
 
+    def _weights(self, timestep: float) -> tuple[float, float]:
+        """q and s of the plain step."""
+        m = 0.5 * self._damping * timestep
+        return (1.0 - m) / (1.0 + m), (self._rate * timestep) ** 2 / (1.0 + m)
+
     def _fill_ghosts(self, timestep: float, *, plain: bool = False) -> None:
         mirrored = plain and self.code == kernels.OUTGOING
         courant = self._rate * timestep
@@ -192,13 +212,31 @@ class DenseWater:
             else:
                 kernels.step_nine(*rows, self._mirrors)
 
-        if self._threads == 1:
-            band(0)
-        else:
-            self._share(band)
+        self._share(band)
+
+    def _sweep_deep(self, q: float, s: float, depth: int) -> None:
+        """Several steps in one pass: bands that shrink towards each other, then the gaps between them."""
+        cuts = self._cuts[0]
+
+        def band(k: int) -> None:
+            inner = int(k > 0), int(k + 1 < self._threads)
+            kernels.step_nine_deep(
+                self.z, self.prev, cuts[k], cuts[k + 1], self.j0, self.j1, q, s, depth, *inner
+            )
+
+        self._share(band)
+        for cut in cuts[1:-1]:
+            kernels.step_nine_deep(
+                self.z, self.prev, cut, cut, self.j0, self.j1, q, s, depth, -1, -1
+            )
+        if depth % 2:
+            self.z, self.prev = self.prev, self.z
 
     def _share(self, band: Callable[[int], None]) -> None:
         """Call band(0), band(1), ... each in a thread, and wait for all."""
+        if self._threads == 1:
+            band(0)
+            return
         if self._pool is None or self._pool[0] != os.getpid():  # threads do not survive a fork
             self._pool = os.getpid(), ThreadPoolExecutor(self._threads - 1)
         others = [self._pool[1].submit(band, k) for k in range(1, self._threads)]

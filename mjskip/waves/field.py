@@ -330,9 +330,9 @@ class HeightField:
         if not (math.isfinite(duration) and duration >= 0.0):
             raise ValueError(f"duration is {duration!r} s: give a number of at least 0")
         steps = math.ceil(duration / (SAFE_FRACTION * self.max_timestep))
-        for _ in range(steps):
-            self._step(duration / steps)
         if steps:
+            self._water.steps(duration / steps, steps, self._loads)
+            self.time += duration
             self._loads.clear()
         return steps
 
