@@ -51,11 +51,10 @@ class Engine(Protocol):
         """States (1, 18) as the stones leave the hand."""
 
     def advance(self, steps: int) -> Motion:
-        """Move on by some steps: states (steps, 18) after each.
+        """Move on by some steps: states (steps, 18) after each."""
 
-        Raises:
-            DivergedError: a force or a state is not finite.
-        """
+    def check(self) -> None:
+        """Raise DivergedError if a force or a state was not finite since the start."""
 
 
 def releases(scene: Scene) -> dict[str, State]:
@@ -114,6 +113,9 @@ class ReferenceEngine:
         """Move on by some steps: states (steps, 18) after each."""
         return {name: stone.advance(steps) for name, stone in self._stones.items()}
 
+    def check(self) -> None:
+        """What is not finite here shows in the states."""
+
 
 class MujocoEngine:
     """MuJoCo, with water on the scene's stones while the context is open: attached, or its plugin's own."""
@@ -144,7 +146,12 @@ class MujocoEngine:
         self._free = {name: _FreeBody(model, name) for name in scene.stones}
         for name, start in releases(scene).items():
             self._free[name].place(self.data, start)
+        self._qpos, self._qvel = (
+            self.data.qpos,
+            self.data.qvel,
+        )  # views: every look-up makes them anew
         self._arm = scene.arm
+        self._acts = bool(scene.arm.controls or scene.arm.releases)
         self._water = None if scene.plugged else scene.water
         self._open = ExitStack()
         self._coupling: Coupling | None = None
@@ -173,15 +180,20 @@ class MujocoEngine:
 
     def advance(self, steps: int) -> Motion:
         """Move on by some steps: states (steps, 18) after each."""
-        qpos, qvel = np.empty((steps, self.model.nq)), np.empty((steps, self.model.nv))
+        model, data = self.model, self.data
+        qpos, qvel = np.empty((steps, model.nq)), np.empty((steps, model.nv))
         for row in range(steps):
-            self._arm.act(self.model, self.data)
-            mujoco.mj_step(self.model, self.data)
-            qpos[row], qvel[row] = self.data.qpos, self.data.qvel
+            if self._acts:
+                self._arm.act(model, data)
+            mujoco.mj_step(model, data)
+            qpos[row], qvel[row] = self._qpos, self._qvel
+        return self._states(qpos, qvel)
+
+    def check(self) -> None:
+        """Raise DivergedError if a force or a state was not finite since the start."""
         if self._coupling is not None:
             self._coupling.check()  # the plugin's doubts are warnings in the data
         _check_warnings(self.data)
-        return self._states(qpos, qvel)
 
     def _states(self, qpos: Array, qvel: Array) -> Motion:
         return {name: body.states(qpos, qvel) for name, body in self._free.items()}

@@ -5,7 +5,6 @@ Both engines hand over nothing but motion; forces and immersion are worked out h
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -115,41 +114,42 @@ class Log:
                 body=self.name,
                 time=float(times[k]),
             )
-        keep = len(times)
-        for k, time in enumerate(times):
-            reason = self._verdict(float(time), states[k], float(observed[k, 16]))
-            if reason is not None:
-                self.end, keep = reason, k + 1
-                break
+        self.end, keep = self._verdict(times, states, observed[:, 16])
         self._times.append(times[:keep])
         self._states.append(states[:keep])
         self._observed.append(observed[:keep])
         self._shares.append(np.ones(keep) if shares is None else shares[:keep])
         return self.end
 
-    def _verdict(self, time: float, state: Array, clearance: float) -> str | None:
-        limits = self.limits
-        if clearance >= 0.0:
-            self._left = time if self._left is None else self._left
-            if time - self._left >= limits.min_airtime:
-                self._since_dry = time
-        else:
-            self._left = None
-        turning = self.stone.radius * math.sqrt(state[15] ** 2 + state[16] ** 2 + state[17] ** 2)
-        speed = math.sqrt(state[12] ** 2 + state[13] ** 2 + state[14] ** 2)
-        if max(speed, turning) > limits.rest_speed:
-            self._since_fast = time
-        if state[2] < -limits.sink_depth * self.stone.radius:
-            return "sunk"
-        if self._inside is not None and not self._inside(float(state[0]), float(state[1])):
-            return "left the lake"
-        if time - self._since_fast >= limits.rest_time:
-            return "at rest"
-        if time - self._since_dry > limits.max_contact and clearance < 0.0:
-            return "planing"
-        if time >= limits.duration * (1.0 - 1e-12):
-            return "out of time"
-        return None
+    def _verdict(self, times: Array, states: Array, clearance: Array) -> tuple[str | None, int]:
+        """Why the run is over, if it is, and how many of these rows belong to it."""
+        limits, radius = self.limits, self.stone.radius
+        speed = np.sqrt((states[:, 12:15] ** 2).sum(axis=1))
+        turning = radius * np.sqrt((states[:, 15:18] ** 2).sum(axis=1))
+        moving = np.maximum(speed, turning) > limits.rest_speed
+        sunk = states[:, 2] < -limits.sink_depth * radius
+        columns = (times, clearance, moving, sunk, states[:, 0], states[:, 1])
+        rows = zip(*(column.tolist() for column in columns), strict=True)
+        for k, (time, clear, moves, sinks, x, y) in enumerate(rows):
+            if clear >= 0.0:
+                self._left = time if self._left is None else self._left
+                if time - self._left >= limits.min_airtime:
+                    self._since_dry = time
+            else:
+                self._left = None
+            if moves:
+                self._since_fast = time
+            if sinks:
+                return "sunk", k + 1
+            if self._inside is not None and not self._inside(x, y):
+                return "left the lake", k + 1
+            if time - self._since_fast >= limits.rest_time:
+                return "at rest", k + 1
+            if time - self._since_dry > limits.max_contact and clear < 0.0:
+                return "planing", k + 1
+            if time >= limits.duration * (1.0 - 1e-12):
+                return "out of time", k + 1
+        return None, len(times)
 
     def trajectory(self, attributes: dict[str, Any]) -> Trajectory:
         """All that was collected, with touches found and counted."""

@@ -20,6 +20,7 @@ from mjskip.coupling.attach import compile_callback
 from mjskip.coupling.bodies import find_body
 from mjskip.engines import Engine, MujocoEngine, ReferenceEngine
 from mjskip.errors import MjskipWarning
+from mjskip.forces import observe
 from mjskip.recording import Limits, Log
 from mjskip.reference import integrate
 from mjskip.scene import Scene, load_scene
@@ -212,29 +213,41 @@ def _over_still_water(engine: Engine, logs: Mapping[str, Log], timestep: float) 
             return
         done += count
         motion = engine.advance(CHUNK)
+        engine.check()
 
 
 def _over_waves(
     engine: Engine, logs: Mapping[str, Log], timestep: float, surface: MovingSurface
 ) -> None:
-    """The same with the surface moving: it is looked at before every step and pressed on after."""
-    motion, done = engine.start(), 0
+    """The same with the surface moving: it is looked at before every step and pressed on after.
+
+    While no stone can come near the water there is nothing to look at: it flies on over still water.
+    """
+    motion, done, count = engine.start(), 0, 0
     rows: dict[str, list[tuple[Array, Array, float]]] = {name: [] for name in logs}
     while True:
         seen = surface.look(motion)
-        shares = surface.advance(timestep)
+        steps = surface.steps_apart(timestep, WAVES_CHUNK - count)
+        shares = surface.advance(steps * timestep)
+        after = engine.advance(steps)
         for name in logs:
-            rows[name].append((motion[name][0], seen[name][0], shares[name]))
-        if len(next(iter(rows.values()))) == WAVES_CHUNK:
-            times = timestep * np.arange(done, done + WAVES_CHUNK, dtype=np.float64)
+            rows[name].append((motion[name], seen[name], shares[name]))
+            if steps > 1:
+                flown = after[name][:-1]
+                rows[name].append((flown, observe(engine.blocks[name], flown), 1.0))
+        motion = {name: states[-1:] for name, states in after.items()}
+        count += steps
+        if count == WAVES_CHUNK:
+            times = timestep * np.arange(done, done + count, dtype=np.float64)
             for name, log in logs.items():
                 states, observed, share = zip(*rows[name], strict=True)
-                log.extend(times, np.array(states), np.array(observed), np.array(share))
+                held = np.repeat(share, [len(part) for part in states])
+                log.extend(times, np.concatenate(states), np.concatenate(observed), held)
                 rows[name].clear()
             if all(log.end for log in logs.values()):
                 return
-            done += WAVES_CHUNK
-        motion = engine.advance(1)
+            engine.check()
+            done, count = done + count, 0
 
 
 def _thrown(scene: Scene, name: str, trajectory: Trajectory) -> Throw:

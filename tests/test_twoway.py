@@ -19,7 +19,7 @@ from mjskip.forces import observe, pack, pack_states
 from mjskip.reference import Integrator
 from mjskip.simulate import simulate_all
 from mjskip.throw import State
-from mjskip.waves._touch_kernels import largest_share
+from mjskip.waves._tile_kernels import largest_share
 from mjskip.waves.lake import Lake
 from mjskip.waves.twoway import MovingSurface
 

@@ -187,6 +187,7 @@ class _Show:
             return
         if self._moving is None:
             motion = self.engine.advance(steps)
+            self.engine.check()
             self._press({name: observe(self._blocks[name], motion[name]) for name in motion}, steps)
             return
         rows: dict[str, list[Array]] = {name: [] for name in self._blocks}
@@ -197,6 +198,7 @@ class _Show:
                 row[0, 2] *= shares[name]
                 rows[name].append(row[0])
             self._motion = self.engine.advance(1)
+        self.engine.check()
         self._press({name: np.array(seen) for name, seen in rows.items()}, steps)
 
     def draw(self) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip.waves import FloatArray, SurfaceArray, SurfaceSample
-from mjskip.waves import _touch_kernels as touch
+from mjskip.waves import _tile_kernels as tiles
 from mjskip.waves import _wave_kernels as kernels
 from mjskip.waves._grid import checked_finite, checked_load, checked_number, checked_shape
 from mjskip.waves._stencil import COURANT_LIMITS, SAFE_FRACTION, paper_limit, reach_of, unstable
@@ -67,6 +67,7 @@ class Lake:
         self._water = TiledWater(
             self.shape, self.wave_speed / self.spacing, self.damping, self.sleep_amplitude
         )
+        self._bent = np.empty((0, 0))
         self.reset()
 
     # What the water is like ---------------------------------------------------------------------
@@ -234,11 +235,14 @@ class Lake:
 
     def stirs(self, i: int, j: int, side: int) -> bool:
         """Whether a tile under a square of cells is awake."""
-        if not self._water.slots:
-            return False
-        (a, b), (c, d) = _tiles_under(i, j, (side, side))
         slots = self._water.slots
-        return any((p, q) in slots for p in range(a, c + 1) for q in range(b, d + 1))
+        if slots:
+            (a, b), (c, d) = _tiles_under(i, j, (side, side))
+            for p in range(a, c + 1):
+                for q in range(b, d + 1):
+                    if (p, q) in slots:
+                        return True
+        return False
 
     def cell_at(self, x: float, y: float) -> tuple[float, float]:
         """A point in cells [m]."""
@@ -257,7 +261,7 @@ class Lake:
         n, water = points.shape[1], self._water
         slots = water.slots_under(*_tiles_under(i, j, (n, n)))
         rate = 1.0 / water.last_timestep if water.last_timestep > 0.0 else 0.0
-        highest: float = touch.add_to_patch(
+        highest: float = tiles.add_to_patch(
             water.z, water.prev, slots, i % TILE, j % TILE, rate, points
         )
         return highest
@@ -280,11 +284,11 @@ class Lake:
         heights, i, j = head
         water = self._water
         slots = water.slots_under(*_tiles_under(i, j, heights.shape))
-        work: float = touch.work_under(water.z, water.prev, slots, i % TILE, j % TILE, heights)
+        work: float = tiles.work_under(water.z, water.prev, slots, i % TILE, j % TILE, heights)
         return work
 
     def press_after(
-        self, head: Head, timestep: float, *, weight: float, work: float, loss: float
+        self, head: Head, timestep: float, *, weight: float, elsewhere: float, loss: float
     ) -> tuple[float, float]:
         """Add to the last free step what a head does in it, cut down to what the stone lost.
 
@@ -292,7 +296,8 @@ class Lake:
             head: what is pressed, and where.
             timestep: of that step [s].
             weight: of a head of a metre on a cell [N].
-            work: sum over all waters of the head times the free change of elevation [m^2].
+            elsewhere: sum over all other waters that moved of the head times the free change of
+                elevation [m^2].
             loss: energy that the stone lost [J].
 
         Returns:
@@ -300,13 +305,16 @@ class Lake:
         """
         water, (heights, i, j) = self._water, head
         high, wide = heights.shape[0] + 2, heights.shape[1] + 2
-        first, last = _tiles_under(i - 1, j - 1, (high, wide))
+        if high > self._bent.shape[0] or wide > self._bent.shape[1]:
+            self._bent = np.empty((high, wide))
+        # One cell further than it reaches, so that nobody there need be called.
+        first, last = _tiles_under(i - 2, j - 2, (high + 2, wide + 2))
         slots = water.slots_under(first, last, wake=True)
-        share, gained = touch.press(
-            water.z, slots, first[0] * TILE, first[1] * TILE, i, j, *(self.shape or (0, 0)),
-            heights, np.empty((high, wide)), *water.weights(timestep), weight, work, loss,
+        share, gained = tiles.press(
+            water.z, water.prev, slots, first[0] * TILE, first[1] * TILE, i, j,
+            *(self.shape or (0, 0)), heights, self._bent, *water.weights(timestep), weight,
+            elsewhere, loss,
         )  # fmt: skip
-        water.wake_neighbours()
         return share, gained
 
     # Time ---------------------------------------------------------------------------------------

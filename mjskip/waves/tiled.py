@@ -26,6 +26,8 @@ SMALLEST_POOL = 8
 MANY_TILES = 256
 """With more of them the room for a change of step is given back after it; with fewer that costs more."""
 
+_EDGE, _CORNER = WEIGHTS["nine_point"]
+
 Tile = tuple[int, int]
 
 
@@ -69,7 +71,7 @@ class TiledWater:
         self.last_timestep = 0.0
         self.lost = 0.0
         self.generation += 1
-        self._found: dict[tuple[int, ...], tuple[int, npt.NDArray[np.int32]]] = {}
+        self._found: dict[tuple[int, ...], tuple[int, npt.NDArray[np.int32], bool]] = {}
 
     @property
     def memory(self) -> int:
@@ -82,19 +84,26 @@ class TiledWater:
     def weights(self, timestep: float) -> tuple[float, float]:
         """What edges and corners of a head add to the elevation in one step."""
         scale = (self._rate * timestep) ** 2 / (1.0 + 0.5 * self._damping * timestep)
-        edge, corner = WEIGHTS["nine_point"]
-        return edge * scale, corner * scale
+        return _EDGE * scale, _CORNER * scale
 
     def step(self, timestep: float, heads: Iterable[Head] = ()) -> None:
         """One step under the heads [s]; the level before it is `prev` afterwards."""
         m = 0.5 * self._damping * timestep
         self.retime(timestep)
-        self._sweep((1.0 - m) / (1.0 + m), (self._rate * timestep) ** 2 / (1.0 + m))
+        found = tiles.step_and_listen(
+            self.z, self.prev, self.neighbours, self.used,
+            (1.0 - m) / (1.0 + m), (self._rate * timestep) ** 2 / (1.0 + m),
+            self._sides, self._sleep_amplitude, self._calls,
+        )  # fmt: skip
         self.z, self.prev = self.prev, self.z
+        self._steps += 1
+        bedtime = self._steps % STEPS_BETWEEN_BEDTIMES == 0 and self._sleep_amplitude > 0.0
+        if not (heads or bedtime):
+            self._answer(found)
+            return
         for head, i, j in heads:
             self._press_once(head, i, j, *self.weights(timestep))
-        self._steps += 1
-        if self._steps % STEPS_BETWEEN_BEDTIMES == 0 and self._sleep_amplitude > 0.0:
+        if bedtime:
             self._put_to_sleep()
         self.wake_neighbours()
 
@@ -172,9 +181,7 @@ class TiledWater:
 
     def _put_to_sleep(self) -> None:
         quiet = np.empty(self.used, np.int32)
-        found = tiles.find_quiet(
-            self.z, self.prev, self.used, np.float32(0.5 * self._sleep_amplitude), quiet
-        )
+        found = tiles.find_quiet(self.z, self.prev, self.used, 0.5 * self._sleep_amplitude, quiet)
         for slot in quiet[:found][::-1].tolist():  # from the last: those moved are not quiet
             self.lost += float(self.z[slot].sum(dtype=np.float64))
             tile = self.names[slot]
@@ -196,8 +203,12 @@ class TiledWater:
     def wake_neighbours(self) -> None:
         """Wake every tile that a wave above the sleep amplitude has come next to."""
         found = tiles.find_calls(
-            self.z, self.neighbours, self.used, np.float32(self._sleep_amplitude), self._calls
+            self.z, self.neighbours, self.used, self._sleep_amplitude, self._calls
         )
+        self._answer(found)
+
+    def _answer(self, found: int) -> None:
+        """Wake those who were called."""
         if not found:
             return
         callers = [(self.names[k], d) for k, d in self._calls[:found].tolist()]
@@ -230,9 +241,9 @@ class TiledWater:
             wake: wake those asleep.
         """
         key = (*first, *last)
-        generation, slots = self._found.get(key, (-1, None))
-        if slots is not None and generation == self.generation and not (wake and 0 in slots):
-            return slots
+        known = self._found.get(key)
+        if known is not None and known[0] == self.generation and (known[2] or not wake):
+            return known[1]
         slots = np.empty((last[0] - first[0] + 1, last[1] - first[1] + 1), np.int32)
         for a in range(slots.shape[0]):
             for b in range(slots.shape[1]):
@@ -241,9 +252,9 @@ class TiledWater:
                     slots[a, b] = tiles.WALL
                 else:
                     slots[a, b] = self.wake(tile) if wake else self.slots.get(tile, tiles.SLEEPING)
-        if generation != self.generation:
+        if known is None or known[0] != self.generation:
             self._found.clear()
-        self._found[key] = self.generation, slots
+        self._found[key] = self.generation, slots, bool(np.all(slots != tiles.SLEEPING))
         return slots
 
     def _pieces(

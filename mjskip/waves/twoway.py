@@ -43,6 +43,9 @@ MERGE_AFTER = 0.010
 NEAR = 0.02
 """Height above the waves (taken as twice as high as when last looked at) at which a stone is near [m]."""
 
+STEPS_BETWEEN_MEASURES = 16
+"""Steps between looks at how high the waves are, where water moves on step by step."""
+
 MARGIN = 3
 """Cells of a patch beyond the sphere about a stone: it moves during a step, and slopes need neighbours."""
 
@@ -100,6 +103,7 @@ class MovingSurface:
         self._stones = {name: _Stone(block, lake) for name, block in blocks.items()}
         self._waters = [self._common, *(stone.own for stone in self._stones.values())]
         self._weight = density * gravity * lake.spacing**2
+        self._gravity = gravity
         self._strength = strength
         self._own_dent = own_dent
 
@@ -112,18 +116,28 @@ class MovingSurface:
         Returns:
             (1, 17) by name, as `mjskip.forces.observe`.
         """
-        reach = NEAR + 2.0 * sum(water.highest for water in self._waters)
-        self._states = {name: states[name][0] for name in states}
-        self._seen = {}
-        for name, stone in self._stones.items():
-            stone.felt.clear()
-            if self._states[name][2] < stone.radius + reach:
-                own = None if self._own_dent else stone.own
-                stone.copy_patch(self._states[name], [w for w in self._waters if w is not own])
-            else:
-                stone.forget_patch()
-            self._seen[name] = observe(stone.block, states[name])
-        return self._seen
+        self._reach = NEAR + 2.0 * sum([water.highest for water in self._waters])
+        return {
+            name: stone.look(states[name], self._reach, self._waters, own_dent=self._own_dent)
+            for name, stone in self._stones.items()
+        }
+
+    def steps_apart(self, timestep: float, most: int) -> int:
+        """Steps for which no stone that was just looked at can come near the water: 1 .. most.
+
+        It falls no faster than with four times the acceleration of gravity, lift included.
+        """
+        time = most * timestep
+        for stone in self._stones.values():
+            gap = stone.state[2] - stone.radius - self._reach
+            if gap <= 0.0:
+                return 1
+            speed = abs(stone.state[14])
+            time = min(
+                time,
+                2.0 * gap / (speed + math.sqrt(speed * speed + 8.0 * abs(self._gravity) * gap)),
+            )
+        return max(1, int(time / timestep))
 
     def advance(self, timestep: float) -> dict[str, float]:
         """Press the reactions on the water and move it on [s].
@@ -134,23 +148,22 @@ class MovingSurface:
         moved: list[_Water] = []
         loads: list[tuple[str, _Stone, Head]] = []
         for name, stone in self._stones.items():
-            seen = self._seen[name][0]
-            stone.dry_for = 0.0 if seen[16] < 0.0 else stone.dry_for + timestep
+            stone.dry_for = 0.0 if stone.seen[16] < 0.0 else stone.dry_for + timestep
             if stone.touching and stone.dry_for >= MERGE_AFTER:
                 self._merge(stone)
-            head = self._head(seen) if seen[2] != 0.0 else None
+            head = self._head(stone) if stone.seen[2] != 0.0 else None
             if head is not None:
                 stone.own.catch_up()
                 loads.append((name, stone, head))
-                moved = list(dict.fromkeys([*moved, stone.own, *stone.felt]))
+                moved += [water for water in (stone.own, *stone.felt) if water not in moved]
         for water in self._waters:
             if water in moved:
-                water.lake.step(timestep)
+                water.step(timestep)
             else:
                 water.wait(timestep)
         shares = dict.fromkeys(self._stones, 1.0)
         for name, stone, head in loads:
-            shares[name] = self._press(name, stone, head, moved, timestep)
+            shares[name] = self._press(stone, head, moved, timestep)
         return shares
 
     def settle(self) -> None:
@@ -169,30 +182,32 @@ class MovingSurface:
         stone.own.measure()
         stone.touching = False
 
-    def _head(self, seen: Array) -> Head | None:
+    def _head(self, stone: _Stone) -> Head | None:
         """The head of a stone's reaction."""
-        radius = math.sqrt(max(float(seen[12]), 0.0) / math.pi)
+        radius = math.sqrt(max(stone.seen[12], 0.0) / math.pi)
         return self.lake.head(
-            float(seen[13]),
-            float(seen[14]),
+            stone.seen[13],
+            stone.seen[14],
             radius=max(radius, 1e-9),
-            volume=self._strength * float(seen[2]) / self._weight,
+            volume=self._strength * stone.seen[2] / self._weight,
         )
 
-    def _press(
-        self, name: str, stone: _Stone, head: Head, moved: list[_Water], timestep: float
-    ) -> float:
+    def _press(self, stone: _Stone, head: Head, moved: list[_Water], timestep: float) -> float:
         """Press one head on the water after its free step; the share of it that was pressed."""
-        seen, state = self._seen[name][0].tolist(), self._states[name].tolist()
+        fx, fy, fz, tx, ty, tz = stone.seen[:6]
+        vx, vy, vz, wx, wy, wz = stone.state[12:18]
         # what the paper's gate gives to a stone is not the waves' to give: they lose nothing for it
-        power = sum(f * v for f, v in zip(seen[:6], state[12:18], strict=True))
+        power = fx * vx + fy * vy + fz * vz + tx * wx + ty * wy + tz * wz
         loss = max(-timestep * power, 0.0)
-        work = sum(water.lake.work_under(head) for water in moved if water.lake.awake_tiles)
+        elsewhere = 0.0
+        for water in moved:
+            if water is not stone.own and water.lake.awake_tiles:
+                elsewhere += water.lake.work_under(head)
         share, gained = stone.own.lake.press_after(
-            head, timestep, weight=self._weight, work=work, loss=loss
+            head, timestep, weight=self._weight, elsewhere=elsewhere, loss=loss
         )
         stone.touching = True
-        balance, impulse = self.balance, timestep * seen[2]
+        balance, impulse = self.balance, timestep * fz
         balance.loads += 1
         balance.limited += share < 1.0
         balance.lost += loss
@@ -206,14 +221,20 @@ class _Water:
     """A lake that may be behind the time, by less than its largest step.
 
     Attributes:
-        highest: greatest |elevation| when it last caught up [m].
+        highest: greatest |elevation| when it last caught up, or up to 16 steps ago [m].
     """
 
     def __init__(self, lake: Lake) -> None:
         self.lake = lake
         self._behind = 0.0
         self._patience = SAFE_FRACTION * lake.max_timestep
+        self._steps = 0
         self.measure()
+
+    def step(self, timestep: float) -> None:
+        """Move on from the present [s]."""
+        self.lake.step(timestep)
+        self._moved()
 
     def wait(self, timestep: float) -> None:
         """Let time pass [s]."""
@@ -226,6 +247,11 @@ class _Water:
         if self._behind > 0.0:
             self.lake.advance(self._behind)
             self._behind = 0.0
+            self._moved()
+
+    def _moved(self) -> None:
+        self._steps += 1
+        if self._steps % STEPS_BETWEEN_MEASURES == 0:
             self.measure()
 
     def measure(self) -> None:
@@ -238,7 +264,11 @@ class _Stone:
 
     Attributes:
         felt: waters that move in its patch.
+        state, seen: its state (18,) and what was observed there (17,), when last looked at.
     """
+
+    state: list[float]
+    seen: list[float]
 
     def __init__(self, block: Array, lake: Lake) -> None:
         self.block = block
@@ -255,24 +285,30 @@ class _Stone:
         self._patch[kernels.PATCH_NX] = self._patch[kernels.PATCH_NY] = side
         self._address = np.array([self._patch.ctypes.data], dtype=np.int64).view(np.float64)[0]
 
-    def copy_patch(self, state: Array, waters: list[_Water]) -> None:
-        """The sum of some waters around a state; still water if none moves there."""
+    def look(self, states: Array, reach: float, waters: list[_Water], *, own_dent: bool) -> Array:
+        """Observe the forces (1, 17) at a state (1, 18), on waves if it is lower than this over them."""
+        self.state = states[0].tolist()
+        self.felt.clear()
+        self.block[kernels.SURFACE] = 0.0  # still water
+        if self.state[2] < self.radius + reach:
+            self._copy_patch([w for w in waters if own_dent or w is not self.own])
+        seen = observe(self.block, states)
+        self.seen = seen[0].tolist()
+        return seen
+
+    def _copy_patch(self, waters: list[_Water]) -> None:
+        """Feel the sum of some waters; still water if none moves there."""
         lake, side, patch = self.own.lake, self._side, self._patch
-        at = lake.cell_at(float(state[0]), float(state[1]))
-        if not all(map(math.isfinite, at)):
-            return self.forget_patch()
-        i, j = round(at[0]) - side // 2, round(at[1]) - side // 2
+        x, y = lake.cell_at(self.state[0], self.state[1])
+        if not (math.isfinite(x) and math.isfinite(y)):
+            return
+        i, j = round(x) - side // 2, round(y) - side // 2
         self.felt += [water for water in waters if water.lake.stirs(i, j, side)]
         if not self.felt:
-            return self.forget_patch()
+            return
         self._points[...] = 0.0
         for water in self.felt:
             water.catch_up()
             patch[kernels.PATCH_HIGHEST] = water.lake.add_to_patch(i, j, self._points)
         patch[kernels.PATCH_X], patch[kernels.PATCH_Y] = lake.place_of(i, j)
         self.block[kernels.SURFACE] = self._address
-        return None
-
-    def forget_patch(self) -> None:
-        """Still water."""
-        self.block[kernels.SURFACE] = 0.0
