@@ -176,11 +176,14 @@ class MujocoEngine:
 
     def start(self) -> Motion:
         """States (1, 18) as the stones leave the hand."""
-        return self._states(self.data.qpos[None].copy(), self.data.qvel[None].copy())
+        return self._states(self._qpos[None], self._qvel[None])
 
     def advance(self, steps: int) -> Motion:
         """Move on by some steps: states (steps, 18) after each."""
         model, data = self.model, self.data
+        if steps == 1 and not self._acts:  # over waves there are thousands of these
+            mujoco.mj_step(model, data)
+            return self._states(self._qpos[None], self._qvel[None])
         qpos, qvel = np.empty((steps, model.nq)), np.empty((steps, model.nv))
         for row in range(steps):
             if self._acts:

@@ -10,7 +10,7 @@ from mjskip.errors import MjskipError
 from mjskip.waves import SurfaceArray
 from mjskip.waves import _tile_kernels as tiles
 from mjskip.waves import _wave_kernels as kernels
-from mjskip.waves._grid import free_memory
+from mjskip.waves._grid import APART, aligned_zeros, free_memory
 from mjskip.waves._stencil import COURANT_LIMITS, SAME_STEP, WEIGHTS, calming
 from mjskip.waves.dense import Head
 
@@ -62,8 +62,7 @@ class TiledWater:
         self.slots: dict[Tile, int] = {}
         self.names: list[Tile] = [(0, 0)]
         self.used = 1
-        self.z = np.zeros((SMALLEST_POOL, TILE, TILE), np.float32)
-        self.prev = np.zeros_like(self.z)
+        self.z, self.prev = _pools(SMALLEST_POOL)
         self.neighbours = np.zeros((SMALLEST_POOL, 9), np.int32)
         self._calls = np.empty((8 * SMALLEST_POOL, 2), np.int32)
         self._spare: tuple[SurfaceArray, SurfaceArray] | None = None  # made at a change of step
@@ -120,7 +119,7 @@ class TiledWater:
         self._sweep(-(t1 / t0) * (1.0 - half * t0), -0.5 * rate2 * t0 * t1)
         level, before = self.z, self.prev
         if self._spare is None or len(self._spare[0]) != len(level):
-            self._spare = np.zeros_like(level), np.zeros_like(level)
+            self._spare = _pools(len(level))
         self.z, self.prev = self._spare
         used = np.s_[: self.used]
         np.subtract(level[used], before[used], out=self.z[used])
@@ -223,11 +222,12 @@ class TiledWater:
                 f"{capacity} tiles of the lake need {size / 1e9:.3g} GB and {free / 1e9:.3g} GB are "
                 "free: raise sleep_amplitude, damping or spacing"
             )
-        for name in ("z", "prev", "neighbours"):
-            old = getattr(self, name)
-            new = np.zeros((capacity, *old.shape[1:]), old.dtype)
-            new[: self.used] = old[: self.used]
-            setattr(self, name, new)
+        used = slice(self.used)
+        old_z, old_prev, old_neighbours = self.z, self.prev, self.neighbours
+        self.z, self.prev = _pools(capacity)
+        self.neighbours = np.zeros((capacity, 9), np.int32)
+        self.z[used], self.prev[used] = old_z[used], old_prev[used]
+        self.neighbours[used] = old_neighbours[used]
         self._calls = np.empty((8 * capacity, 2), np.int32)
         self._spare = None
 
@@ -304,3 +304,10 @@ class TiledWater:
             edge, corner, NO_MASK,
         )  # fmt: skip
         self.add(block[1:-1, 1:-1], i0, j0)
+
+
+def _pools(capacity: int) -> tuple[SurfaceArray, SurfaceArray]:
+    """Two pools of still tiles."""
+    shape = (capacity, TILE, TILE)
+    z, prev = (aligned_zeros(capacity * TILE, TILE, after=after) for after in (0, APART))
+    return z.reshape(shape), prev.reshape(shape)
