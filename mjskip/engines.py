@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import copy
+import ctypes
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
+from functools import cache
 from types import TracebackType
 from typing import Protocol
 
 import mujoco
 import numpy as np
 import numpy.typing as npt
+from numba import types
 
-from mjskip._rigid_kernels import STATE, free_motion
+from mjskip._jit import native
+from mjskip._native import F8P, address_of_cfunc
+from mjskip._rigid_kernels import STATE, free_motion, hop
 from mjskip.attitude import matrices
+from mjskip.coupling._layout import library
 from mjskip.coupling.attach import Coupling, attach
 from mjskip.coupling.bodies import find_body
 from mjskip.errors import DivergedError, SceneError
@@ -46,6 +52,10 @@ class Engine(Protocol):
 
     integrator: str
     blocks: Mapping[str, Array]
+
+    @property
+    def hop(self) -> tuple[int, Array] | None:
+        """What steps it in compiled code, if anything can, and its context: see `_rigid_kernels.hop`."""
 
     def start(self) -> Motion:
         """States (1, 18) as the stones leave the hand."""
@@ -116,6 +126,10 @@ class ReferenceEngine:
     def check(self) -> None:
         """What is not finite here shows in the states."""
 
+    @property
+    def hop(self) -> None:
+        """It steps in compiled code already, but a stone at a time."""
+
 
 class MujocoEngine:
     """MuJoCo, with water on the scene's stones while the context is open: attached, or its plugin's own."""
@@ -166,6 +180,22 @@ class MujocoEngine:
             self.blocks = dict(zip(names, self._coupling.blocks, strict=True))
         return self
 
+    @property
+    def hop(self) -> tuple[int, Array] | None:
+        """Only of a model that is nothing but one stone, where a step cannot fail for want of memory."""
+        if self._acts or self.model.nv != 6 or len(self._free) != 1:
+            return None
+        (body,) = self._free.values()
+        words = [
+            ctypes.cast(library.mj_step, ctypes.c_void_p).value or 0,
+            self.model._address,
+            self.data._address,
+            self._qpos.ctypes.data,
+            self._qvel.ctypes.data,
+        ]
+        centre = body.centre.astype(np.float64).view(np.int64).tolist()
+        return hop_address(), np.array([*words, *centre], np.int64).view(np.float64)
+
     def __exit__(
         self,
         kind: type[BaseException] | None,
@@ -212,11 +242,11 @@ class _FreeBody:
             raise SceneError(f"body {name!r} is not a child of the world: a stone must be")
         self._q = slice(model.jnt_qposadr[joint], model.jnt_qposadr[joint] + 7)
         self._v = slice(model.jnt_dofadr[joint], model.jnt_dofadr[joint] + 6)
-        self._centre = np.array(model.body_ipos[body])
+        self.centre = np.array(model.body_ipos[body])
 
     def place(self, data: mujoco.MjData, start: State) -> None:
         rotation = matrices(start.q)
-        arm = rotation @ self._centre
+        arm = rotation @ self.centre
         data.qpos[self._q] = [*(start.position - arm), *start.q]
         data.qvel[self._v] = [
             *(start.velocity - np.cross(start.omega, arm)),
@@ -226,8 +256,20 @@ class _FreeBody:
     def states(self, qpos: Array, qvel: Array) -> Array:
         """(n, 18) for the force kernel."""
         states = np.empty((len(qpos), STATE))
-        free_motion(qpos[:, self._q], qvel[:, self._v], self._centre, states)
+        free_motion(qpos[:, self._q], qvel[:, self._v], self.centre, states)
         return states
+
+
+@cache
+def hop_address() -> int:
+    """Address of the compiled `_rigid_kernels.hop`."""
+    function = native(types.void(F8P, F8P, F8P))(hop)
+    _alive.append(function)
+    return address_of_cfunc(function)
+
+
+_alive: list[object] = []
+"""Compiled C functions, kept for the life of the process: others hold their addresses."""
 
 
 @contextmanager

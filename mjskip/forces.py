@@ -141,6 +141,14 @@ def wrench_address() -> int:
     return address_of_cfunc(function)
 
 
+@cache
+def immersion_address() -> int:
+    """The same for the five numbers that `observe` adds to the wrench."""
+    function = native(types.void(F8P, F8P, F8P))(kernels._immersion_entry)
+    _alive.append(function)
+    return address_of_cfunc(function)
+
+
 _alive: list[object] = []
 """Compiled C functions, kept for the life of the process: others hold their addresses."""
 

@@ -18,9 +18,8 @@ import numpy.typing as npt
 from mjskip.attitude import angles, matrices
 from mjskip.coupling.attach import compile_callback
 from mjskip.coupling.bodies import find_body
-from mjskip.engines import Engine, MujocoEngine, ReferenceEngine
+from mjskip.engines import Engine, Motion, MujocoEngine, ReferenceEngine
 from mjskip.errors import MjskipWarning
-from mjskip.forces import observe
 from mjskip.recording import Limits, Log
 from mjskip.reference import integrate
 from mjskip.scene import Scene, load_scene
@@ -221,33 +220,46 @@ def _over_waves(
 ) -> None:
     """The same with the surface moving: it is looked at before every step and pressed on after.
 
-    While no stone can come near the water there is nothing to look at: it flies on over still water.
+    A single stone does so in compiled code wherever it can.
     """
-    motion, done, count = engine.start(), 0, 0
-    rows: dict[str, list[tuple[Array, Array, float]]] = {name: [] for name in logs}
+    motion, done, count, hop = engine.start(), 0, 0, engine.hop
+    rows: dict[str, list[tuple[Array, Array, Array]]] = {name: [] for name in logs}
     while True:
-        seen = surface.look(motion)
-        steps = surface.steps_apart(timestep, WAVES_CHUNK - count)
-        shares = surface.advance(steps * timestep)
-        after = engine.advance(steps)
-        for name in logs:
-            rows[name].append((motion[name], seen[name], shares[name]))
-            if steps > 1:
-                flown = after[name][:-1]
-                rows[name].append((flown, observe(engine.blocks[name], flown), 1.0))
-        motion = {name: states[-1:] for name, states in after.items()}
+        most = WAVES_CHUNK - count
+        parts = surface.glide(hop, motion, timestep, most) if hop else None
+        for name, part in (parts or _step(engine, surface, motion, timestep)).items():
+            motion[name] = part[0][-1:]
+            rows[name].append(part)
+        steps = len(part[1])
         count += steps
         if count == WAVES_CHUNK:
             times = timestep * np.arange(done, done + count, dtype=np.float64)
             for name, log in logs.items():
-                states, observed, share = zip(*rows[name], strict=True)
-                held = np.repeat(share, [len(part) for part in states])
-                log.extend(times, np.concatenate(states), np.concatenate(observed), held)
+                states, observed, shares = zip(*rows[name], strict=True)
+                log.extend(
+                    times,
+                    np.concatenate([part[:-1] for part in states]),
+                    np.concatenate(observed),
+                    np.concatenate(shares),
+                )
                 rows[name].clear()
             if all(log.end for log in logs.values()):
                 return
             engine.check()
             done, count = done + count, 0
+
+
+def _step(
+    engine: Engine, surface: MovingSurface, motion: Motion, timestep: float
+) -> dict[str, tuple[Array, Array, Array]]:
+    """One step over waves, as `MovingSurface.glide` makes several."""
+    seen = surface.look(motion)
+    shares = surface.advance(timestep)
+    after = engine.advance(1)
+    return {
+        name: (np.concatenate([motion[name], after[name]]), seen[name], np.array([shares[name]]))
+        for name in after
+    }
 
 
 def _thrown(scene: Scene, name: str, trajectory: Trajectory) -> Throw:

@@ -27,15 +27,14 @@ import numpy as np
 import numpy.typing as npt
 from numba import types
 
-from mjskip import _force_kernels
 from mjskip._jit import native
-from mjskip._native import F8P, address_of_cfunc
+from mjskip._native import address_of_cfunc
 from mjskip.coupling import _layout
 from mjskip.coupling import _plugin_kernels as kernels
 from mjskip.coupling._layout import library
 from mjskip.coupling.bodies import body_stone
 from mjskip.errors import MjskipError
-from mjskip.forces import pack, wrench_address
+from mjskip.forces import immersion_address, pack, wrench_address
 from mjskip.water import Water
 
 NAME = "mjskip.water"
@@ -132,12 +131,11 @@ def _describe() -> _Plugin:
 
 def _fill_root() -> None:
     """Tell the compiled code where everything is."""
-    immersion = native(types.void(F8P, F8P, F8P))(_force_kernels._immersion_entry)
     builder = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 3)(_answer)
-    _keep_for_ever((immersion, builder, kernels.root, _answer))
+    _keep_for_ever((builder, kernels.root, _answer))
     root = kernels.root
     root[kernels.WRENCH] = wrench_address()
-    root[kernels.IMMERSION] = address_of_cfunc(immersion)
+    root[kernels.IMMERSION] = immersion_address()
     root[kernels.BUILDER] = ctypes.cast(builder, ctypes.c_void_p).value or 0
     root[kernels.TABLE] = _blocks.table.ctypes.data
     root[kernels.GRAVITY] = _layout.gravity_offset()

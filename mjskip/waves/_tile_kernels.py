@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip._jit import kernel
+from mjskip._native import address_of, call_address
 from mjskip.waves._row import column_sum, step_rows
 
 Pool = npt.NDArray[np.float32]
@@ -154,6 +155,26 @@ def find_quiet(
 
 
 @kernel
+def fill_head(head: Any, centre_x: float, centre_y: float, reach: float, volume: float) -> None:
+    """Pressure head of a round load: (1 - (r / reach)^2)^2 inside `reach`, its sum = `volume`.
+
+    Lengths are in cells and (centre_x, centre_y) is the centre in indices of `head`. The sum is
+    taken over the cells themselves, so the load is exact wherever the centre falls between them.
+    """
+    total = 0.0
+    scale = 1.0 / (reach * reach)
+    for i in range(head.shape[0]):
+        for j in range(head.shape[1]):
+            inside = 1.0 - ((i - centre_x) ** 2 + (j - centre_y) ** 2) * scale
+            if inside > 0.0:
+                head[i, j] = inside * inside
+                total += inside * inside
+            else:
+                head[i, j] = 0.0
+    head *= np.float32(volume / total)
+
+
+@kernel
 def add_to_patch(z: Any, prev: Any, slots: Any, i: int, j: int, rate: float, points: Any) -> float:
     """points += elevation and vertical speed, (2, n, n); the greatest |elevation| there is then.
 
@@ -261,3 +282,158 @@ def press(
                 r, s = i + p - first_i - a * tile, j + q - first_j - b * tile
                 z[slot, r, s] += np.float32(share * bent[p + 1, q + 1])
     return share, share * linear + share * share * square
+
+
+@kernel
+def all_asleep(slots: Any, first_a: int, first_b: int, i: int, j: int, side: int) -> bool:
+    """Whether all tiles under a square of cells are asleep or outside, as far as `slots` knows."""
+    for a in range(i // TILE - first_a, (i + side - 1) // TILE - first_a + 1):
+        for b in range(j // TILE - first_b, (j + side - 1) // TILE - first_b + 1):
+            if not (0 <= a < slots.shape[0] and 0 <= b < slots.shape[1]) or slots[a, b] > 0:
+                return False
+    return True
+
+
+@kernel
+def none_asleep(
+    slots: Any, first_a: int, first_b: int, i: int, j: int, high: int, wide: int
+) -> bool:
+    """Whether all tiles under a block of cells are awake or outside, as far as `slots` knows."""
+    for a in range(i // TILE - first_a, (i + high - 1) // TILE - first_a + 1):
+        for b in range(j // TILE - first_b, (j + wide - 1) // TILE - first_b + 1):
+            if not (0 <= a < slots.shape[0] and 0 <= b < slots.shape[1]) or slots[a, b] == SLEEPING:
+                return False
+    return True
+
+
+# numbers that `glide` is given
+(
+    ORIGIN_X, ORIGIN_Y, SPACING, NARROWEST, PATCH_SIDE, TIMESTEP, WEIGHT, STRENGTH, DAMP, SCALE, EDGE, CORNER,
+    AMPLITUDE, REACH,
+) = range(14)  # fmt: skip
+NUMBERS = 14
+LOADS, LIMITED, LOST, GAINED, TAKEN, GIVEN = range(6)
+"""Of a balance: see `twoway.Balance`."""
+
+
+@kernel
+def observe_at(wrench: int, immersion: int, block: Any, state: Any, out: Any) -> bool:
+    """`mjskip.forces.observe` of one state (18,) into out (17,), by address; whether all is finite."""
+    call_address(wrench, address_of(block), address_of(state), address_of(out))
+    call_address(immersion, address_of(block), address_of(state), address_of(out) + 8 * 12)
+    total = 0.0
+    for n in range(17):
+        total += out[n]
+    return bool(np.isfinite(total))
+
+
+@kernel
+def undisturbed(slots: Any, first_a: int, first_b: int, state: Any, numbers: Any) -> bool:
+    """Whether all water under a stone's patch sleeps, as far as `slots` knows."""
+    half = int(numbers[PATCH_SIDE]) // 2
+    x = (state[0] - numbers[ORIGIN_X]) / numbers[SPACING]
+    y = (state[1] - numbers[ORIGIN_Y]) / numbers[SPACING]
+    i, j = int(np.rint(x)) - half, int(np.rint(y)) - half
+    return all_asleep(slots, first_a, first_b, i, j, 2 * half + 1)
+
+
+@kernel
+def fly(
+    hop: int, context: Any, wrench: int, immersion: int, block: Any, states: Any, seen: Any,
+    common: Any, first_a: int, first_b: int, numbers: Any,
+) -> int:  # fmt: skip
+    """Steps of one stone in the air, high above the waves or over water that sleeps; their number.
+
+    It ends before a step in which the stone is wet or waves are near. Arguments as for `glide`.
+    """
+    done = 0
+    while done < seen.shape[0]:
+        state, out = states[done], seen[done]
+        finite = observe_at(wrench, immersion, block, state, out)
+        if not finite or out[16] < 0.0 or out[2] != 0.0:
+            break
+        near = out[16] < numbers[REACH]
+        if near and not undisturbed(common, first_a, first_b, state, numbers):
+            break
+        done += 1
+        call_address(hop, address_of(context), address_of(states[done]), 0)
+    return done
+
+
+@kernel
+def glide(
+    hop: int, context: Any, wrench: int, immersion: int, block: Any,
+    states: Any, seen: Any, shares: Any,
+    z: Pool, prev: Pool, neighbours: Slots, used: int, sides: Any, calls: Any,
+    slots: Any, first_a: int, first_b: int, nx: int, ny: int,
+    common: Any, common_a: int, common_b: int,
+    numbers: Any, head: Any, bent: Any, balance: Any,
+) -> tuple[int, int]:  # fmt: skip
+    """Steps of one stone in water that it alone moves: what `twoway.MovingSurface` does, without leaving
+    compiled code.
+
+    Every step: the forces at the state are observed, the stone's own water makes its free step, gets the
+    reaction, and the engine steps on. It ends before a step in which the stone is dry, another water moves
+    under it, or its load reaches a tile that sleeps; and after one whose waves call a sleeping neighbour.
+
+    Args:
+        hop: address of what steps the engine, void(context, state after it, unused).
+        wrench, immersion: addresses of the force kernel's two halves.
+        states: (n + 1, 18), the first row given.
+        seen: (n, 17) observed; shares: (n,) given to the water.
+        z, prev, neighbours, used, sides, calls: of the stone's own water; z and prev change roles each step.
+        slots: of tiles of that water from tile (first_a, first_b) on.
+        nx, ny: its cells inside walls; 0 without.
+        common: slots of tiles of the common water from tile (common_a, common_b) on.
+        numbers: see above; STRENGTH is the head's volume in cells under a newton [m/N].
+        head, bent: scratch, as large as a head and two cells more each way.
+        balance: (6,), added to.
+
+    Returns:
+        Steps made, and calls found after the last of them.
+    """
+    done = found = 0
+    while done < shares.shape[0] and found == 0:
+        state, out = states[done], seen[done]
+        finite = observe_at(wrench, immersion, block, state, out)
+        if not finite or out[2] == 0.0 or out[16] >= 0.0:
+            break
+        if not undisturbed(common, common_a, common_b, state, numbers):
+            break
+        radius = max(math.sqrt(max(out[12], 0.0) / math.pi), 1e-9)
+        reach = math.sqrt(2.0) * max(radius / numbers[SPACING], numbers[NARROWEST])
+        x = (out[13] - numbers[ORIGIN_X]) / numbers[SPACING]
+        y = (out[14] - numbers[ORIGIN_Y]) / numbers[SPACING]
+        i, j = math.ceil(x - reach), math.ceil(y - reach)
+        high, wide = math.floor(x + reach) - i + 1, math.floor(y + reach) - j + 1
+        inside = nx == 0 or (-reach < x < nx - 1 + reach and -reach < y < ny - 1 + reach)
+        if not inside or high > head.shape[0] or wide > head.shape[1]:
+            break
+        if not none_asleep(slots, first_a, first_b, i - 2, j - 2, high + 4, wide + 4):
+            break
+
+        step_tiles(z, prev, neighbours, 1, used, numbers[DAMP], numbers[SCALE], sides)
+        z, prev = prev, z
+        found = find_calls(z, neighbours, used, numbers[AMPLITUDE], calls)
+        load = head[:high, :wide]
+        fill_head(load, x - i, y - j, reach, numbers[STRENGTH] * out[2])
+        power = (
+            out[0] * state[12] + out[1] * state[13] + out[2] * state[14]
+            + out[3] * state[15] + out[4] * state[16] + out[5] * state[17]
+        )  # fmt: skip
+        loss = max(-numbers[TIMESTEP] * power, 0.0)
+        share, gained = press(
+            z, prev, slots, first_a * TILE, first_b * TILE, i, j, nx, ny, load, bent,
+            numbers[EDGE], numbers[CORNER], numbers[WEIGHT], 0.0, loss,
+        )  # fmt: skip
+        impulse = numbers[TIMESTEP] * out[2]
+        shares[done] = share
+        balance[LOADS] += 1.0
+        balance[LIMITED] += 1.0 if share < 1.0 else 0.0
+        balance[LOST] += loss
+        balance[GAINED] += gained
+        balance[TAKEN] += impulse
+        balance[GIVEN] += share * impulse
+        done += 1
+        call_address(hop, address_of(context), address_of(states[done]), 0)
+    return done, found

@@ -279,26 +279,6 @@ def fill_ghosts(
 
 
 @kernel
-def fill_head(head: Grid, centre_x: float, centre_y: float, reach: float, volume: float) -> None:
-    """Pressure head of a round load: (1 - (r / reach)^2)^2 inside `reach`, its sum = `volume`.
-
-    Lengths are in cells and (centre_x, centre_y) is the centre in indices of `head`. The sum is
-    taken over the cells themselves, so the load is exact wherever the centre falls between them.
-    """
-    total = 0.0
-    scale = 1.0 / (reach * reach)
-    for i in range(head.shape[0]):
-        for j in range(head.shape[1]):
-            inside = 1.0 - ((i - centre_x) ** 2 + (j - centre_y) ** 2) * scale
-            if inside > 0.0:
-                head[i, j] = inside * inside
-                total += inside * inside
-            else:
-                head[i, j] = 0.0
-    head *= np.float32(volume / total)
-
-
-@kernel
 def add_head(
     out: Grid,
     head: Grid,

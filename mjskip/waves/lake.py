@@ -1,5 +1,7 @@
 """The tiled lake: the verbs of `HeightField` over water that is stored only where it moves."""
 
+from __future__ import annotations
+
 import math
 
 import numpy as np
@@ -9,7 +11,14 @@ from mjskip.waves import FloatArray, SurfaceArray, SurfaceSample
 from mjskip.waves import _tile_kernels as tiles
 from mjskip.waves import _wave_kernels as kernels
 from mjskip.waves._grid import checked_finite, checked_load, checked_number, checked_shape
-from mjskip.waves._stencil import COURANT_LIMITS, SAFE_FRACTION, paper_limit, reach_of, unstable
+from mjskip.waves._stencil import (
+    COURANT_LIMITS,
+    NARROWEST_LOAD,
+    SAFE_FRACTION,
+    paper_limit,
+    reach_of,
+    unstable,
+)
 from mjskip.waves.dense import Head, round_head
 from mjskip.waves.tiled import TILE, TiledWater
 
@@ -204,7 +213,7 @@ class Lake:
 
     # Two-way water ------------------------------------------------------------------------------
 
-    def sibling(self) -> "Lake":
+    def sibling(self) -> Lake:
         """Still water of the same cells, walls and waves: what both do adds up."""
         other = Lake(
             self.shape, self.spacing, self.wave_speed, self.damping,
@@ -213,7 +222,7 @@ class Lake:
         other._origin = self._origin
         return other
 
-    def absorb(self, other: "Lake") -> None:
+    def absorb(self, other: Lake) -> None:
         """Take the waves of a sibling that is at the same time, which is left still."""
         mine, theirs = self._water, other._water
         if theirs.last_timestep > 0.0 and mine.last_timestep != theirs.last_timestep:
@@ -317,6 +326,77 @@ class Lake:
         )  # fmt: skip
         return share, gained
 
+    def glide(
+        self, common: Lake, ride: Ride, states: FloatArray, seen: FloatArray, shares: FloatArray,
+        timestep: float,
+    ) -> int:  # fmt: skip
+        """Move a stone and this water, which it alone moves, on together: see `_tile_kernels.glide`.
+
+        Args:
+            common: water that must sleep wherever the stone comes; at the same time.
+            ride: the stone and what steps it.
+            states: (n + 1, 18), the first row given, the others filled.
+            seen: (n, 17) observed before each step.
+            shares: (n,) of the reaction that the water was given.
+            timestep: [s].
+
+        Returns:
+            Steps made: up to n, none where the stone is dry, its load or other waves need care.
+        """
+        water = self._water
+        water.go_to_bed()
+        most, around = min(len(shares), water.steps_till_bedtime), self._around(states[0])
+        if most < 1 or around is None or not water.keeps_step(timestep):
+            return 0
+        done, found = tiles.glide(
+            *ride.compiled, states, seen[:most], shares[:most],
+            water.z, water.prev, water.neighbours, water.used, *water.scratch,
+            water.slots_under(*around), *around[0], *(self.shape or (0, 0)),
+            common._water.slots_under(*around), *around[0],
+            self._numbers(ride, timestep), ride.head, ride.bent, ride.balance,
+        )  # fmt: skip
+        water.glided(done, found)
+        for _ in range(done):
+            self.time += timestep
+        return done
+
+    def fly(
+        self, ride: Ride, states: FloatArray, seen: FloatArray, timestep: float, reach: float
+    ) -> int:
+        """Move a stone on in the air: arguments as for `glide`.
+
+        It does not feel this water where that sleeps or is further than `reach` below it [m].
+        """
+        around = self._around(states[0])
+        if around is None or not len(seen):
+            return 0
+        self._numbers(ride, timestep)[tiles.REACH] = reach
+        done: int = tiles.fly(
+            *ride.compiled, states, seen,
+            self._water.slots_under(*around), *around[0], self._numbers(ride, timestep),
+        )  # fmt: skip
+        return done
+
+    def _around(self, state: FloatArray) -> tuple[tuple[int, int], tuple[int, int]] | None:
+        """First and last of the nine tiles around a stone; None if it is nowhere."""
+        x, y = self.cell_at(float(state[0]), float(state[1]))
+        if not (math.isfinite(x) and math.isfinite(y)):
+            return None
+        a, b = int(x // TILE), int(y // TILE)
+        return (a - 1, b - 1), (a + 1, b + 1)
+
+    def _numbers(self, ride: Ride, timestep: float) -> FloatArray:
+        """What `_tile_kernels.glide` is given as numbers."""
+        numbers = ride.numbers
+        if numbers[tiles.TIMESTEP] != timestep:
+            numbers[tiles.ORIGIN_X], numbers[tiles.ORIGIN_Y] = self._origin
+            numbers[tiles.SPACING], numbers[tiles.NARROWEST] = self.spacing, NARROWEST_LOAD
+            numbers[tiles.TIMESTEP] = timestep
+            numbers[tiles.DAMP], numbers[tiles.SCALE] = self._water.coefficients(timestep)
+            numbers[tiles.EDGE], numbers[tiles.CORNER] = self._water.weights(timestep)
+            numbers[tiles.AMPLITUDE] = self.sleep_amplitude
+        return numbers
+
     # Time ---------------------------------------------------------------------------------------
 
     def step(self, timestep: float) -> None:
@@ -351,6 +431,43 @@ class Lake:
     def _step(self, timestep: float) -> None:
         self._water.step(timestep, self._loads)
         self.time += timestep
+
+
+class Ride:
+    """A stone that glides through water of its own, and scratch for it.
+
+    Attributes:
+        compiled: what steps the engine and observes the stone: addresses, context and block.
+        balance: what passed between stone and water, in the order of `_tile_kernels`.
+    """
+
+    def __init__(
+        self,
+        compiled: tuple[int, FloatArray, int, int, FloatArray],
+        *,
+        widest: float,
+        side: int,
+        weight: float,
+        strength: float,
+    ) -> None:
+        """Take a stone.
+
+        Args:
+            compiled: addresses of the engine's hop, its context, addresses of the force kernel's two
+                halves, and the stone's block.
+            widest: reach of its largest head, in cells.
+            side: of the patch it feels, in cells.
+            weight: of a head of a metre on a cell [N].
+            strength: of the head that a newton makes [cells x m/N].
+        """
+        self.compiled = compiled
+        size = 2 * math.ceil(widest) + 1
+        self.head = np.empty((size, size), np.float32)
+        self.bent = np.empty((size + 2, size + 2))
+        self.balance = np.zeros(6)
+        self.numbers = np.zeros(tiles.NUMBERS)
+        self.numbers[tiles.PATCH_SIDE] = side
+        self.numbers[tiles.WEIGHT], self.numbers[tiles.STRENGTH] = weight, strength
 
 
 def _tiles_under(i: int, j: int, shape: tuple[int, ...]) -> tuple[tuple[int, int], tuple[int, int]]:

@@ -66,7 +66,7 @@ class TiledWater:
         self.neighbours = np.zeros((SMALLEST_POOL, 9), np.int32)
         self._calls = np.empty((8 * SMALLEST_POOL, 2), np.int32)
         self._spare: tuple[SurfaceArray, SurfaceArray] | None = None  # made at a change of step
-        self._steps = 0
+        self._steps = self._last_bedtime = 0
         self.last_timestep = 0.0
         self.lost = 0.0
         self.generation += 1
@@ -80,6 +80,11 @@ class TiledWater:
 
     # Time ---------------------------------------------------------------------------------------
 
+    def coefficients(self, timestep: float) -> tuple[float, float]:
+        """q and s of a step."""
+        m = 0.5 * self._damping * timestep
+        return (1.0 - m) / (1.0 + m), (self._rate * timestep) ** 2 / (1.0 + m)
+
     def weights(self, timestep: float) -> tuple[float, float]:
         """What edges and corners of a head add to the elevation in one step."""
         scale = (self._rate * timestep) ** 2 / (1.0 + 0.5 * self._damping * timestep)
@@ -87,29 +92,54 @@ class TiledWater:
 
     def step(self, timestep: float, heads: Iterable[Head] = ()) -> None:
         """One step under the heads [s]; the level before it is `prev` afterwards."""
-        m = 0.5 * self._damping * timestep
+        self.go_to_bed()
         self.retime(timestep)
         found = tiles.step_and_listen(
-            self.z, self.prev, self.neighbours, self.used,
-            (1.0 - m) / (1.0 + m), (self._rate * timestep) ** 2 / (1.0 + m),
+            self.z, self.prev, self.neighbours, self.used, *self.coefficients(timestep),
             self._sides, self._sleep_amplitude, self._calls,
         )  # fmt: skip
         self.z, self.prev = self.prev, self.z
         self._steps += 1
-        bedtime = self._steps % STEPS_BETWEEN_BEDTIMES == 0 and self._sleep_amplitude > 0.0
-        if not (heads or bedtime):
+        if not heads:
             self._answer(found)
             return
         for head, i, j in heads:
             self._press_once(head, i, j, *self.weights(timestep))
-        if bedtime:
-            self._put_to_sleep()
         self.wake_neighbours()
+
+    def keeps_step(self, timestep: float) -> bool:
+        """Whether the last step was as long as this [s]."""
+        return abs(timestep - self.last_timestep) <= SAME_STEP * timestep
+
+    @property
+    def steps_till_bedtime(self) -> int:
+        """Steps until tiles may fall asleep again."""
+        return STEPS_BETWEEN_BEDTIMES - self._steps % STEPS_BETWEEN_BEDTIMES
+
+    def go_to_bed(self) -> None:
+        """Put calm tiles to sleep, if it is time: before a step."""
+        due = self._steps % STEPS_BETWEEN_BEDTIMES == 0 and self._steps != self._last_bedtime
+        if due and self._sleep_amplitude > 0.0:
+            self._last_bedtime = self._steps
+            self._put_to_sleep()
+            self.wake_neighbours()
+
+    @property
+    def scratch(self) -> tuple[SurfaceArray, npt.NDArray[np.int32]]:
+        """What the kernels need besides: cells beside a tile, and calls."""
+        return self._sides, self._calls
+
+    def glided(self, steps: int, found: int) -> None:
+        """The kernel has made steps, after the last of which some calls were found."""
+        if steps % 2:
+            self.z, self.prev = self.prev, self.z
+        self._steps += steps
+        self._answer(found)
 
     def retime(self, timestep: float) -> None:
         """The previous level of this step's size, short waves calmed: as in `DenseWater`."""
         t0, t1, rate2 = self.last_timestep, timestep, self._rate**2
-        if abs(t1 - t0) <= SAME_STEP * t1:
+        if self.keeps_step(t1):
             return
         self.last_timestep = t1
         if t0 == 0.0:

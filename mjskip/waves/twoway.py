@@ -30,18 +30,22 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip import _force_kernels as kernels
-from mjskip.forces import observe
-from mjskip.waves._stencil import SAFE_FRACTION
+from mjskip.forces import immersion_address, observe, wrench_address
+from mjskip.waves import _tile_kernels as tiles
+from mjskip.waves._stencil import SAFE_FRACTION, reach_of
 from mjskip.waves.dense import Head
-from mjskip.waves.lake import Lake
+from mjskip.waves.lake import Lake, Ride
 
 Array = npt.NDArray[np.float64]
+
+Hop = tuple[int, Array]
+"""Address of what steps an engine of one stone, and its context: see `mjskip._rigid_kernels.hop`."""
 
 MERGE_AFTER = 0.010
 """Dry time after which a touch is over and its waves are the lake's [s]."""
 
 NEAR = 0.02
-"""Height above the waves (taken as twice as high as when last looked at) at which a stone is near [m]."""
+"""Clearance above the waves (taken as twice as high as when last measured) at which a stone is near [m]."""
 
 STEPS_BETWEEN_MEASURES = 16
 """Steps between looks at how high the waves are, where water moves on step by step."""
@@ -69,6 +73,16 @@ class Balance:
     given: float = 0.0
     loads: int = 0
     limited: int = 0
+
+    def take(self, more: Array) -> None:
+        """Add what a glide has counted, and set that to zero."""
+        self.loads += int(more[tiles.LOADS])
+        self.limited += int(more[tiles.LIMITED])
+        self.lost += float(more[tiles.LOST])
+        self.gained += float(more[tiles.GAINED])
+        self.taken += float(more[tiles.TAKEN])
+        self.given += float(more[tiles.GIVEN])
+        more[:] = 0.0
 
 
 class MovingSurface:
@@ -102,8 +116,9 @@ class MovingSurface:
         self._common = _Water(lake)
         self._stones = {name: _Stone(block, lake) for name, block in blocks.items()}
         self._waters = [self._common, *(stone.own for stone in self._stones.values())]
+        for stone in self._stones.values():
+            stone.near = [water for water in self._waters if own_dent or water is not stone.own]
         self._weight = density * gravity * lake.spacing**2
-        self._gravity = gravity
         self._strength = strength
         self._own_dent = own_dent
 
@@ -116,28 +131,60 @@ class MovingSurface:
         Returns:
             (1, 17) by name, as `mjskip.forces.observe`.
         """
-        self._reach = NEAR + 2.0 * sum([water.highest for water in self._waters])
-        return {
-            name: stone.look(states[name], self._reach, self._waters, own_dent=self._own_dent)
-            for name, stone in self._stones.items()
-        }
+        return {name: stone.look(states[name]) for name, stone in self._stones.items()}
 
-    def steps_apart(self, timestep: float, most: int) -> int:
-        """Steps for which no stone that was just looked at can come near the water: 1 .. most.
+    def glide(
+        self, hop: Hop, states: Mapping[str, Array], timestep: float, most: int
+    ) -> dict[str, tuple[Array, Array, Array]] | None:
+        """Steps in compiled code, as `look`, `advance` and the engine make them one by one.
 
-        It falls no faster than with four times the acceleration of gravity, lift included.
+        Only a single stone can do so: while it is in the air over still water, or touches water that it alone
+        moves.
+
+        Args:
+            hop: what steps the engine.
+            states: (1, 18) by name.
+            timestep: [s].
+            most: steps.
+
+        Returns:
+            By name: states (n + 1, 18), beginning with those given, what was observed (n, 17) and shares
+            (n,) given to the water; None if it cannot be done now.
         """
-        time = most * timestep
-        for stone in self._stones.values():
-            gap = stone.state[2] - stone.radius - self._reach
-            if gap <= 0.0:
-                return 1
-            speed = abs(stone.state[14])
-            time = min(
-                time,
-                2.0 * gap / (speed + math.sqrt(speed * speed + 8.0 * abs(self._gravity) * gap)),
+        if len(self._stones) != 1 or self._own_dent:
+            return None
+        ((name, stone),) = self._stones.items()
+        most = min(most, *[water.steps_waiting(timestep) for water in self._waters])
+        if most < 1:
+            return None
+        if stone.ride is None:
+            stone.ride = Ride(
+                (*hop, wrench_address(), immersion_address(), stone.block),
+                widest=reach_of(2.0 * stone.radius, self.lake.spacing),
+                side=stone.side,
+                weight=self._weight,
+                strength=self._strength / self._weight,
             )
-        return max(1, int(time / timestep))
+        stone.block[kernels.SURFACE] = 0.0
+        path, seen, shares = np.empty((most + 1, 18)), np.empty((most, 17)), np.ones(most)
+        path[0] = states[name][0]
+        done = 0
+        if stone.touching and stone.dry_for == 0.0 and not stone.own.is_behind:
+            done = stone.own.lake.glide(self.lake, stone.ride, path, seen, shares, timestep)
+        still = [self._common]
+        if done:
+            stone.own.moved(done)
+            self.balance.take(stone.ride.balance)
+        else:
+            if stone.touching:  # until its waves merge into the lake
+                most = min(most, int((MERGE_AFTER - stone.dry_for) / timestep - 0.5))
+            done = self.lake.fly(stone.ride, path, seen[: max(most, 0)], timestep, stone.reach())
+            stone.dry_for += done * timestep
+            still = self._waters
+        for water in still:
+            for _ in range(done):
+                water.wait(timestep)
+        return {name: (path[: done + 1], seen[:done], shares[:done])} if done else None
 
     def advance(self, timestep: float) -> dict[str, float]:
         """Press the reactions on the water and move it on [s].
@@ -234,7 +281,7 @@ class _Water:
     def step(self, timestep: float) -> None:
         """Move on from the present [s]."""
         self.lake.step(timestep)
-        self._moved()
+        self.moved(1)
 
     def wait(self, timestep: float) -> None:
         """Let time pass [s]."""
@@ -247,11 +294,21 @@ class _Water:
         if self._behind > 0.0:
             self.lake.advance(self._behind)
             self._behind = 0.0
-            self._moved()
+            self.moved(1)
 
-    def _moved(self) -> None:
-        self._steps += 1
-        if self._steps % STEPS_BETWEEN_MEASURES == 0:
+    @property
+    def is_behind(self) -> bool:
+        """Whether it is behind the time."""
+        return self._behind > 0.0
+
+    def steps_waiting(self, timestep: float) -> int:
+        """Steps for which it can wait without catching up."""
+        return int((self._patience - self._behind) / timestep)
+
+    def moved(self, steps: int) -> None:
+        """It was moved on by some steps, a few at most."""
+        self._steps += steps
+        if self._steps % STEPS_BETWEEN_MEASURES < steps:
             self.measure()
 
     def measure(self) -> None:
@@ -263,7 +320,9 @@ class _Stone:
     """A stone's block, its patch of surface, and the waves of its current touch.
 
     Attributes:
-        felt: waters that move in its patch.
+        near: waters that it can feel; felt: those of them that move in its patch.
+        side: of that, in cells.
+        ride: what it needs to glide.
         state, seen: its state (18,) and what was observed there (17,), when last looked at.
     """
 
@@ -273,42 +332,49 @@ class _Stone:
     def __init__(self, block: Array, lake: Lake) -> None:
         self.block = block
         self.own = _Water(lake.sibling())
+        self.near: list[_Water] = []
         self.felt: list[_Water] = []
         self.touching = False
+        self.ride: Ride | None = None
         self.dry_for = math.inf
         self.radius = float(block[kernels.RADIUS])
         half = math.ceil(self.radius / lake.spacing) + MARGIN
-        self._side = side = 2 * half + 1
+        self.side = side = 2 * half + 1
         self._patch = np.zeros(kernels.PATCH_POINTS + 2 * side**2)
         self._points = self._patch[kernels.PATCH_POINTS :].reshape(2, side, side)
         self._patch[kernels.PATCH_RATE] = 1.0 / lake.spacing
         self._patch[kernels.PATCH_NX] = self._patch[kernels.PATCH_NY] = side
         self._address = np.array([self._patch.ctypes.data], dtype=np.int64).view(np.float64)[0]
 
-    def look(self, states: Array, reach: float, waters: list[_Water], *, own_dent: bool) -> Array:
-        """Observe the forces (1, 17) at a state (1, 18), on waves if it is lower than this over them."""
+    def reach(self) -> float:
+        """Clearance above the level at which it may be near the waves [m]."""
+        return NEAR + 2.0 * sum([water.highest for water in self.near])
+
+    def look(self, states: Array) -> Array:
+        """Observe the forces (1, 17) at a state (1, 18), on the waves if it is near them."""
         self.state = states[0].tolist()
         self.felt.clear()
         self.block[kernels.SURFACE] = 0.0  # still water
-        if self.state[2] < self.radius + reach:
-            self._copy_patch([w for w in waters if own_dent or w is not self.own])
         seen = observe(self.block, states)
+        if seen[0, 16] < self.reach() and self._copy_patch():
+            seen = observe(self.block, states)
         self.seen = seen[0].tolist()
         return seen
 
-    def _copy_patch(self, waters: list[_Water]) -> None:
-        """Feel the sum of some waters; still water if none moves there."""
-        lake, side, patch = self.own.lake, self._side, self._patch
+    def _copy_patch(self) -> bool:
+        """Feel the sum of the waters that move here, if any does."""
+        lake, side, patch = self.own.lake, self.side, self._patch
         x, y = lake.cell_at(self.state[0], self.state[1])
         if not (math.isfinite(x) and math.isfinite(y)):
-            return
+            return False
         i, j = round(x) - side // 2, round(y) - side // 2
-        self.felt += [water for water in waters if water.lake.stirs(i, j, side)]
+        self.felt += [water for water in self.near if water.lake.stirs(i, j, side)]
         if not self.felt:
-            return
+            return False
         self._points[...] = 0.0
         for water in self.felt:
             water.catch_up()
             patch[kernels.PATCH_HIGHEST] = water.lake.add_to_patch(i, j, self._points)
         patch[kernels.PATCH_X], patch[kernels.PATCH_Y] = lake.place_of(i, j)
         self.block[kernels.SURFACE] = self._address
+        return True
