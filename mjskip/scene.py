@@ -20,7 +20,7 @@ import numpy as np
 
 from mjskip.coupling.arm import Arm
 from mjskip.coupling.bodies import body_name, body_stone, find_body, free_bodies
-from mjskip.coupling.obstacles import land_of
+from mjskip.coupling.obstacles import Land, land_of
 from mjskip.coupling.plugin import NAME, plugin_water, register_plugin
 from mjskip.errors import SceneError
 from mjskip.stone import Stone
@@ -105,11 +105,6 @@ class Scene:
         Raises:
             ValueError: the walls are not on tiles, or the scene asks for what lakes of tiles lack.
         """
-        if self.obstacles:
-            raise ValueError(
-                f"{self.path}: {PREFIX}{OBSTACLES} is on, and lakes of tiles know no land: throw over "
-                "still water, or switch it off"
-            )
         grid = dict(self.grid)
         stencil = grid.pop("stencil", "nine_point")
         boundary = grid.pop("boundary", "reflect")
@@ -119,7 +114,8 @@ class Scene:
                 f"reflects, not {stencil} and {boundary}"
             )
         shape = grid.pop("shape", DEFAULT_SHAPE)
-        return Lake(None if boundary == "absorb" else shape, **grid)
+        land = Land(self.model) if self.obstacles else None
+        return Lake(None if boundary == "absorb" else shape, **grid, land=land)
 
     def rethrow(self, **changes: float) -> Scene:
         """This scene with other throw settings, SI and radians.

@@ -15,6 +15,7 @@ from scipy.fft import dctn
 from mjskip import Limits, Stone, Throw, Water, load_scene, simulate
 from mjskip import _force_kernels as kernels
 from mjskip.attitude import matrices
+from mjskip.engines import MujocoEngine
 from mjskip.forces import observe, pack, pack_states
 from mjskip.reference import Integrator
 from mjskip.simulate import simulate_all
@@ -355,6 +356,31 @@ def test_a_fast_stone_outruns_its_waves_but_not_its_own_dent(lake):
     assert outrun.water_load.any()
     dented = simulate(lake, surface="waves", own_dent=True, limits=LIMITS)
     assert abs(dented.x - still.x).max() > 1e-3
+
+
+@pytest.mark.parametrize(
+    "throw", [{}, {"speed": 9.0, "descent": 12}, {"speed": 5.0, "attack": 45, "descent": 60}]
+)
+@pytest.mark.parametrize("boundary", ["absorb", "reflect"])
+def test_a_touch_in_compiled_code_is_the_touch_step_by_step(lake, throw, boundary, monkeypatch):
+    settings = {"speed": 12.0, "spin": 15, "attack": 20, "descent": 6, "height": 0.05} | throw
+    scene = replace(lake, grid=lake.grid | {"boundary": boundary, "shape": (1024, 256)})
+    glides = []
+    made = MovingSurface.glide
+
+    def counted(*args):
+        parts = made(*args)
+        glides.append(sum(len(shares) for _, _, shares in (parts or {}).values()))
+        return parts
+
+    monkeypatch.setattr(MovingSurface, "glide", counted)
+    fast = simulate(scene, Throw.from_degrees(**settings), surface="waves")
+    assert sum(glides) > 0.5 * len(fast.time)
+    monkeypatch.setattr(MujocoEngine, "hop", None)
+    slow = simulate(scene, Throw.from_degrees(**settings), surface="waves")
+    for name in ("time", "x", "q", "P", "L", "force", "water_load", "wetted_centre", "clearance"):
+        np.testing.assert_array_equal(getattr(fast, name), getattr(slow, name), err_msg=name)
+    assert (fast.end, fast.contacts) == (slow.end, slow.contacts)
 
 
 def test_over_waves_as_over_still_water_the_same_throw_gives_the_same_path_twice():

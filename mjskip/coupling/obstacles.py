@@ -22,10 +22,36 @@ A_HAIR = 1e-9
 in both of its sides or in neither, as they are rounded."""
 
 
-def land_of(model: mujoco.MjModel, x: npt.ArrayLike, y: npt.ArrayLike) -> npt.NDArray[np.bool_]:
-    """Cells whose centre lies in the section of a fixed geom with the surface, for `HeightField(land=)`.
+class Land:
+    """Where fixed geoms cut the surface z = 0: call it with the positions of cells, as `land_of`.
 
     Fixed are the geoms of the world and of bodies welded to it.
+    """
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        """Cut the geoms of a compiled model."""
+        data = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, data)
+        self._sections = []
+        for geom in range(model.ngeom):
+            fixed = model.body_weldid[model.geom_bodyid[geom]] == 0
+            if fixed and int(model.geom_type[geom]) in SOLIDS:
+                solid = geom_solid(model, geom)
+                turn = data.geom_xmat[geom].reshape(3, 3)
+                world = np.asarray(solid.vertices) @ turn.T + data.geom_xpos[geom]
+                self._sections.append(_section(trimesh.Trimesh(world, solid.faces, process=False)))
+
+    def __call__(self, x: npt.ArrayLike, y: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+        """Whether cells at x (nx,) and y (ny,) [m] are land: (nx, ny)."""
+        x, y = np.asarray(x, np.float64), np.asarray(y, np.float64)
+        land = np.zeros((len(x), len(y)), np.bool_)
+        for sides in self._sections:
+            land |= _covered(sides, x, y)
+        return land
+
+
+def land_of(model: mujoco.MjModel, x: npt.ArrayLike, y: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+    """Cells whose centre lies in the section of a fixed geom with the surface, for `HeightField(land=)`.
 
     Args:
         model: compiled model.
@@ -34,27 +60,22 @@ def land_of(model: mujoco.MjModel, x: npt.ArrayLike, y: npt.ArrayLike) -> npt.ND
     Returns:
         (nx, ny), True on land.
     """
-    x, y = np.asarray(x, np.float64), np.asarray(y, np.float64)
-    land = np.zeros((len(x), len(y)), np.bool_)
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    for geom in range(model.ngeom):
-        fixed = model.body_weldid[model.geom_bodyid[geom]] == 0
-        if fixed and int(model.geom_type[geom]) in SOLIDS:
-            solid = geom_solid(model, geom)
-            turn = data.geom_xmat[geom].reshape(3, 3)
-            world = np.asarray(solid.vertices) @ turn.T + data.geom_xpos[geom]
-            land |= _covered(trimesh.Trimesh(world, solid.faces, process=False), x, y)
-    return land
+    return Land(model)(x, y)
 
 
-def _covered(mesh: trimesh.Trimesh, x: Array, y: Array) -> npt.NDArray[np.bool_]:
-    """Points of a grid inside the section of a mesh with z = 0: an odd number of its sides lies to the east."""
+def _section(mesh: trimesh.Trimesh) -> Array:
+    """Sides (n, 2, 2) of the section of a mesh with z = 0."""
+    sides = trimesh.intersections.mesh_plane(mesh, [0.0, 0.0, 1.0], [0.0, 0.0, 0.0])
+    return np.asarray(sides, np.float64).reshape(-1, 2, 3)[:, :, :2]
+
+
+def _covered(sides: Array, x: Array, y: Array) -> npt.NDArray[np.bool_]:
+    """Points of a grid inside a section: an odd number of its sides lies to the east."""
     inside = np.zeros((len(x), len(y)), np.bool_)
     y = y + A_HAIR
-    sides = trimesh.intersections.mesh_plane(mesh, [0.0, 0.0, 1.0], [0.0, 0.0, 0.0])[:, :, :2]
     for (x0, y0), (x1, y1) in sides:
         spans = (y0 <= y) != (y1 <= y)
-        at = x0 + (y[spans] - y0) / (y1 - y0) * (x1 - x0)
-        inside[:, spans] ^= x[:, None] < at[None, :]
+        if spans.any():
+            at = x0 + (y[spans] - y0) / (y1 - y0) * (x1 - x0)
+            inside[:, spans] ^= x[:, None] < at[None, :]
     return inside

@@ -27,6 +27,8 @@ TILE = 64
 SLEEPING = 0
 WALL = -1
 
+NO_LAND = np.zeros((0, 0), np.float32)
+
 
 @kernel
 def step_tiles(
@@ -228,7 +230,7 @@ def largest_share(linear: float, square: float, loss: float) -> float:
 @kernel
 def press(
     z: Any, prev: Any, slots: Any, first_i: int, first_j: int, i: int, j: int, nx: int, ny: int,
-    head: Any, bent: Any, edge: float, corner: float, weight: float, elsewhere: float, loss: float,
+    head: Any, wet: Any, bent: Any, edge: float, corner: float, weight: float, elsewhere: float, loss: float,
 ) -> tuple[float, float]:  # fmt: skip
     """z += s L(head), s the largest share that gives the waves no more than the loss; s and the gain.
 
@@ -243,6 +245,7 @@ def press(
         first_i, first_j: first cell of the first tile.
         i, j: first cell of the head.
         nx, ny: cells inside walls, which mirror the head; 0 without walls.
+        wet: 1 in water, 0 on land, for the cells from (i - 2, j - 2) on; empty if there is no land.
         bent: for L(h), at least two cells more each way than the head.
         elsewhere: sum h D in other waters whose waves add up with these.
     """
@@ -254,6 +257,8 @@ def press(
             bent[p + 1, q + 1] = 0.0
             if nx and not (0 <= i + p < nx and 0 <= j + q < ny):
                 continue
+            if wet.size and wet[p + 2, q + 2] == 0.0:
+                continue
             inside = 0 <= p < high and 0 <= q < wide
             here = np.float64(head[p, q]) if inside else 0.0
             total = 0.0
@@ -263,6 +268,8 @@ def press(
                     if nx:
                         c = min(max(i + c, 0), nx - 1) - i
                         d = min(max(j + d, 0), ny - 1) - j
+                    if wet.size and wet[c + 2, d + 2] == 0.0:
+                        continue
                     there = 0.0
                     if 0 <= c < high and 0 <= d < wide:
                         there = np.float64(head[c, d])
@@ -423,7 +430,7 @@ def glide(
         )  # fmt: skip
         loss = max(-numbers[TIMESTEP] * power, 0.0)
         share, gained = press(
-            z, prev, slots, first_a * TILE, first_b * TILE, i, j, nx, ny, load, bent,
+            z, prev, slots, first_a * TILE, first_b * TILE, i, j, nx, ny, load, NO_LAND, bent,
             numbers[EDGE], numbers[CORNER], numbers[WEIGHT], 0.0, loss,
         )  # fmt: skip
         impulse = numbers[TIMESTEP] * out[2]

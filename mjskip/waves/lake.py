@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +21,7 @@ from mjskip.waves._stencil import (
     unstable,
 )
 from mjskip.waves.dense import Head, round_head
-from mjskip.waves.tiled import TILE, TiledWater
+from mjskip.waves.tiled import TILE, Shore, TiledWater
 
 
 class Lake:
@@ -43,6 +44,7 @@ class Lake:
         *,
         centre: tuple[float, float] = (0.0, 0.0),
         sleep_amplitude: float = 1e-5,
+        land: Callable[[FloatArray, FloatArray], npt.NDArray[np.bool_]] | None = None,
     ) -> None:
         """Make still water.
 
@@ -53,9 +55,10 @@ class Lake:
             damping: mu [1/s].
             centre: (x, y) of the middle; of cell (0, 0) if the lake is endless [m].
             sleep_amplitude: waves below it are let go [m].
+            land: tells of cells at x (n,) and y (m,) [m] whether they are land (n, m); waves reflect off it.
 
         Raises:
-            ValueError: an argument is out of range.
+            ValueError: an argument is out of range, or land covers everything inside the walls.
         """
         self.shape = None if shape is None else checked_shape(shape)
         if self.shape is not None and any(n % TILE for n in self.shape):
@@ -73,11 +76,33 @@ class Lake:
             centre[0] - (nx - 1) / 2 * self.spacing,
             centre[1] - (ny - 1) / 2 * self.spacing,
         )
+        shore = None if land is None else Shore(self._land_in_cells(land), self.shape)
+        self._flood(shore)
+        self.reset()
+
+    def _land_in_cells(
+        self, land: Callable[[FloatArray, FloatArray], npt.NDArray[np.bool_]]
+    ) -> Callable[[int, int, int], npt.NDArray[np.bool_]]:
+        """The same by cells: of a square of them."""
+
+        def positions(first: int, count: int, axis: int) -> FloatArray:
+            return np.asarray(
+                self._origin[axis] + (first + np.arange(count)) * self.spacing, np.float64
+            )
+
+        if (
+            self.shape is not None
+            and land(*(positions(0, n, k) for k, n in enumerate(self.shape))).all()
+        ):
+            raise ValueError("land covers every cell: leave some water")
+        return lambda i, j, side: land(positions(i, side, 0), positions(j, side, 1))
+
+    def _flood(self, shore: Shore | None) -> None:
+        """Fill with water."""
         self._water = TiledWater(
-            self.shape, self.wave_speed / self.spacing, self.damping, self.sleep_amplitude
+            self.shape, self.wave_speed / self.spacing, self.damping, self.sleep_amplitude, shore
         )
         self._bent = np.empty((0, 0))
-        self.reset()
 
     # What the water is like ---------------------------------------------------------------------
 
@@ -201,7 +226,9 @@ class Lake:
         span = [np.arange(math.ceil(p - reach), math.floor(p + reach) + 1) for p in at]
         distance = (span[0][:, None] - at[0]) ** 2 + (span[1][None, :] - at[1]) ** 2
         bump = (height * np.maximum(1.0 - distance / reach**2, 0.0) ** 2).astype(np.float32)
-        self._water.add(bump, int(span[0][0]), int(span[1][0]), both_levels=True)
+        first = int(span[0][0]), int(span[1][0])
+        wet = self._water.open_cells(*first, bump.shape)
+        self._water.add(bump * wet if wet.size else bump, *first, both_levels=True)
         self._water.wake_neighbours()
 
     def reset(self) -> None:
@@ -220,6 +247,7 @@ class Lake:
             sleep_amplitude=self.sleep_amplitude,
         )  # fmt: skip
         other._origin = self._origin
+        other._flood(self._water.shore)
         return other
 
     def absorb(self, other: Lake) -> None:
@@ -321,7 +349,8 @@ class Lake:
         slots = water.slots_under(first, last, wake=True)
         share, gained = tiles.press(
             water.z, water.prev, slots, first[0] * TILE, first[1] * TILE, i, j,
-            *(self.shape or (0, 0)), heights, self._bent, *water.weights(timestep), weight,
+            *(self.shape or (0, 0)), heights,
+            water.open_cells(i - 2, j - 2, (high + 2, wide + 2)), self._bent, *water.weights(timestep), weight,
             elsewhere, loss,
         )  # fmt: skip
         return share, gained
@@ -346,7 +375,7 @@ class Lake:
         water = self._water
         water.go_to_bed()
         most, around = min(len(shares), water.steps_till_bedtime), self._around(states[0])
-        if most < 1 or around is None or not water.keeps_step(timestep):
+        if most < 1 or around is None or water.shore or not water.keeps_step(timestep):
             return 0
         done, found = tiles.glide(
             *ride.compiled, states, seen[:most], shares[:most],

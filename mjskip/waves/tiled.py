@@ -1,7 +1,7 @@
 """Storage and stepping of tiles: pools of two levels, who is whose neighbour, waking and sleeping."""
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 import numpy.typing as npt
@@ -18,8 +18,6 @@ TILE = tiles.TILE
 STEPS_BETWEEN_BEDTIMES = 16
 """Steps between looks for tiles that may sleep: a look costs about as much as a step."""
 
-NO_MASK = np.zeros((0, 0), np.float32)
-
 SMALLEST_POOL = 8
 """Tiles there is always room for."""
 
@@ -27,8 +25,42 @@ MANY_TILES = 256
 """With more of them the room for a change of step is given back after it; with fewer that costs more."""
 
 _EDGE, _CORNER = WEIGHTS["nine_point"]
+_NO_SPONGE = np.zeros(TILE + 2, np.float32)
 
 Tile = tuple[int, int]
+
+
+class Shore:
+    """Which cells are open water, tile by tile as it is asked for; lakes that add up share it."""
+
+    def __init__(
+        self,
+        land: Callable[[int, int, int], npt.NDArray[np.bool_]],
+        shape: tuple[int, int] | None,
+    ) -> None:
+        """Take land(i, j, side), True on land in a square of cells from (i, j) on, and the walls."""
+        self._land, self._shape = land, shape
+        self._known: dict[Tile, SurfaceArray | None] = {}
+
+    def around(self, tile: Tile) -> SurfaceArray | None:
+        """(TILE + 2, TILE + 2), 1 in water and 0 on land, of a tile and the cells about it; None if no land."""
+        if tile not in self._known:
+            dry = self._land(tile[0] * TILE - 1, tile[1] * TILE - 1, TILE + 2)
+            wet = mirrored(np.where(dry, np.float32(0.0), np.float32(1.0)), tile, self._shape)
+            self._known[tile] = None if wet.all() else wet
+        return self._known[tile]
+
+
+def mirrored(block: SurfaceArray, tile: Tile, shape: tuple[int, int] | None) -> SurfaceArray:
+    """A tile and the cells about it, those beyond a wall set to what it mirrors."""
+    if shape is not None:
+        for axis in range(2):
+            cells = np.moveaxis(block, axis, 0)
+            if tile[axis] == 0:
+                cells[0] = cells[1]
+            if (tile[axis] + 1) * TILE == shape[axis]:
+                cells[-1] = cells[-2]
+    return block
 
 
 class TiledWater:
@@ -48,10 +80,15 @@ class TiledWater:
     """
 
     def __init__(
-        self, shape: tuple[int, int] | None, rate: float, damping: float, sleep_amplitude: float
+        self,
+        shape: tuple[int, int] | None,
+        rate: float,
+        damping: float,
+        sleep_amplitude: float,
+        shore: Shore | None,
     ) -> None:
         """Make still water; rate = c / d [1/s], damping mu [1/s], sleep_amplitude [m]."""
-        self.shape = shape
+        self.shape, self.shore = shape, shore
         self._rate, self._damping, self._sleep_amplitude = rate, damping, sleep_amplitude
         self._sides = np.zeros((2, TILE + 2), np.float32)
         self.generation = 0
@@ -94,13 +131,17 @@ class TiledWater:
         """One step under the heads [s]; the level before it is `prev` afterwards."""
         self.go_to_bed()
         self.retime(timestep)
-        found = tiles.step_and_listen(
-            self.z, self.prev, self.neighbours, self.used, *self.coefficients(timestep),
-            self._sides, self._sleep_amplitude, self._calls,
-        )  # fmt: skip
+        if self.shore is None:
+            found = tiles.step_and_listen(
+                self.z, self.prev, self.neighbours, self.used, *self.coefficients(timestep),
+                self._sides, self._sleep_amplitude, self._calls,
+            )  # fmt: skip
+        else:
+            m, r = 0.5 * self._damping * timestep, (self._rate * timestep) ** 2
+            self._sweep(*self.coefficients(timestep), ashore=(1.0, m, r))
         self.z, self.prev = self.prev, self.z
         self._steps += 1
-        if not heads:
+        if self.shore is None and not heads:
             self._answer(found)
             return
         for head, i, j in heads:
@@ -164,10 +205,44 @@ class TiledWater:
         if self.used > MANY_TILES:
             self._spare = None
 
-    def _sweep(self, q: float, s: float) -> None:
+    def _sweep(self, q: float, s: float, ashore: tuple[float, float, float] | None = None) -> None:
+        """prev = z + q (z - prev) + s L(z); around land with keep, m and r of `step_masked`."""
+        blocks = [] if self.shore is None else self._steps_ashore(*(ashore or (q, 0.0, s)))
         tiles.step_tiles(
             self.z, self.prev, self.neighbours, 1, self.used, q, s, self._sides
         )  # fmt: skip
+        for slot, block in blocks:
+            self.prev[slot] = block
+
+    def _steps_ashore(self, keep: float, m: float, r: float) -> list[tuple[int, SurfaceArray]]:
+        """The step of tiles with land in them: slots, and levels after it."""
+        assert self.shore is not None
+        blocks = []
+        for tile, slot in self.slots.items():
+            wet = self.shore.around(tile)
+            if wet is None:
+                continue
+            i, j, side = tile[0] * TILE - 1, tile[1] * TILE - 1, TILE + 2
+            z = mirrored(self.copy(self.z, i, j, (side, side)), tile, self.shape)
+            after = np.zeros_like(z)
+            after[1:-1, 1:-1] = self.prev[slot]
+            kernels.step_masked(
+                z, after, 1, TILE + 1, 1, TILE + 1, np.float32(keep), np.float32(m), np.float32(r),
+                np.float32(_EDGE), np.float32(_CORNER), _NO_SPONGE, _NO_SPONGE, wet,
+            )  # fmt: skip
+            blocks.append((slot, after[1:-1, 1:-1]))
+        return blocks
+
+    def open_cells(self, i: int, j: int, shape: tuple[int, ...]) -> SurfaceArray:
+        """A block of cells, 1 in water and 0 on land; empty if there is no land anywhere."""
+        if self.shore is None:
+            return tiles.NO_LAND
+        block = np.ones(shape, np.float32)
+        for tile, there, here in self._pieces(i, j, (shape[0], shape[1])):
+            wet = self.shore.around(tile)
+            if wet is not None:
+                block[here] = wet[1:-1, 1:-1][there]
+        return block
 
     # Tiles --------------------------------------------------------------------------------------
 
@@ -331,7 +406,7 @@ class TiledWater:
         block = np.zeros((i1 - i0 + 2, j1 - j0 + 2), np.float32)
         kernels.add_head(
             block, head, i - i0 + 1, j - j0 + 1, i1 - i0 + 1, 1, j1 - j0 + 1, kernels.REFLECT,
-            edge, corner, NO_MASK,
+            edge, corner, self.open_cells(i0 - 1, j0 - 1, block.shape),
         )  # fmt: skip
         self.add(block[1:-1, 1:-1], i0, j0)
 
