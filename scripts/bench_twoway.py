@@ -2,10 +2,10 @@
 
     python scripts/bench_twoway.py
 
-The default throw over waves at its own step, with the share of each part; a stone that skips through 100 m
-of open lake, against a dense field of 16384 x 16384 cells whose step is taken as 16 times that at 4096;
-and the same throw over a dense field's worth of water that never sleeps, whose skips must be the same.
-About a minute.
+The default throw over waves at its own step, with the share of each part, in an endless lake and inside walls
+of 512 x 512 cells; a stone that skips through 100 m of open lake, against a dense field of 16384 x 16384 cells
+whose step is taken as 16 times that at 4096; and the default throw over a dense field of 1024 x 1024 cells,
+whose skips must be those of the endless lake. About a minute.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from __future__ import annotations
 import json
 import statistics
 import time
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import mujoco
@@ -22,18 +22,18 @@ import numpy as np
 from mjskip import HeightField, Limits, Throw, Water, load_scene, simulate
 from mjskip.engines import MujocoEngine
 from mjskip.reference import Integrator
+from mjskip.scene import Scene
 from mjskip.stone import Stone
 from mjskip.waves.lake import Lake
 from mjskip.waves.twoway import MovingSurface
 
 
-def budget() -> dict[str, float]:
-    """Processor time of the default throw over waves, and of its parts by subtraction.
+def budget(scene: Scene) -> dict[str, float]:
+    """Processor time of a scene's throw over waves, and of its parts by subtraction.
 
     The stone's part is that of bare engine steps, the record's what the same throw over still water takes
     besides (forces observed, states kept), the waves' the rest. Runs take turns; medians.
     """
-    scene = load_scene("lake")
     timestep = float(scene.model.opt.timestep)
     simulate(scene, surface="waves", limits=Limits(duration=0.3))  # compiled
     times: dict[str, list[float]] = {"waves": [], "still": [], "engine": []}
@@ -59,6 +59,16 @@ def budget() -> dict[str, float]:
         "share_record": (still - bare) / waves,
         "share_waves": (waves - still) / waves,
     }
+
+
+class Unsleeping(Scene):
+    """A scene whose lake is inside walls and never sleeps: a dense field, to the last bit
+    (`tests/test_lakes.py`)."""
+
+    def lake(self) -> Lake:
+        """Fresh water."""
+        names = ("shape", "spacing", "wave_speed", "damping", "centre")
+        return Lake(**{name: self.grid[name] for name in names}, sleep_amplitude=0.0)
 
 
 def hundred_metres(*, sleep_amplitude: float = 1e-5, metres: float = 100.0) -> dict[str, float]:
@@ -94,7 +104,12 @@ def hundred_metres(*, sleep_amplitude: float = 1e-5, metres: float = 100.0) -> d
 
 def bench() -> dict[str, Any]:
     """Measure; see the module's docstring."""
-    found: dict[str, Any] = {"default_throw": budget()}
+    scene = load_scene("lake")
+    walled = replace(scene, grid=scene.grid | {"shape": (512, 512), "boundary": "reflect"})
+    found: dict[str, Any] = {
+        "default_throw": budget(scene),
+        "in_walls_of_512_x_512": budget(walled),
+    }
     hundred_metres(metres=1.0)
     open_lake = hundred_metres()
     field = HeightField((4096, 4096), threads=1)
@@ -115,21 +130,20 @@ def bench() -> dict[str, Any]:
         "dense_over_lake_time": dense / open_lake["step"],
         "dense_over_lake_memory": 2.0 * 4.0 * 16384**2 / open_lake["bytes"],
     }
-    scene = load_scene("lake")
-    paths = []
-    for shape in ((1024, 1024), None):
-        grid = {k: v for k, v in scene.grid.items() if k != "shape"}
-        # half a cell aside the cells of an even number lie where those of an endless lake do
-        middle = 0.5 * grid["spacing"] if shape else 0.0
-        grid |= {"boundary": "absorb" if shape is None else "reflect", "centre": (middle, middle)}
-        grid |= {"shape": shape} if shape else {}
-        paths.append(simulate(replace(scene, grid=grid), surface="waves", own_dent=True))
-    inside, endless = paths
-    n = min(len(inside.x), len(endless.x))
-    found["walls_far_away_and_none"] = {
-        "skips": [inside.skips, endless.skips],
-        "path_difference_mm": 1e3 * float(np.abs(inside.x[:n] - endless.x[:n]).max()),
-    }
+    # half a cell aside, the cells of an even number lie where those of an endless lake do
+    grid = scene.grid | {"shape": (1024, 1024), "centre": (0.5 * scene.grid["spacing"],) * 2}
+    dense_scene = Unsleeping(
+        **{f.name: getattr(scene, f.name) for f in fields(scene)} | {"grid": grid}
+    )
+    for name, own_dent in (("default", False), ("own_dent", True)):
+        everywhere, awake = (
+            simulate(each, surface="waves", own_dent=own_dent) for each in (dense_scene, scene)
+        )
+        n = min(len(everywhere.x), len(awake.x))
+        found[f"dense_1024_and_endless_lake_{name}"] = {
+            "skips": [everywhere.skips, awake.skips],
+            "path_difference_um": 1e6 * float(np.abs(everywhere.x[:n] - awake.x[:n]).max()),
+        }
     return found
 
 
