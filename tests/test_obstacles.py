@@ -125,6 +125,24 @@ def test_around_land_a_lake_of_tiles_is_the_dense_field_to_rounding():
     np.testing.assert_allclose(level, field.elevation, rtol=0.0, atol=3e-9)
 
 
+def test_a_reaction_on_the_shore_is_the_load_that_a_dense_field_knows():
+    field = HeightField((128, 128))
+    field = HeightField((128, 128), land=islands(field.x, field.y))
+    lake = Lake((128, 128), land=islands, sleep_amplitude=0.0)
+    for x, y in ((0.2, 0.1), (1.0, -1.2)):  # by the disc; by the pier, at the wall
+        field.press(x, y, force=5.0, radius=0.1)
+    field.step(0.01)
+    lake.step(0.01)
+    for x, y in ((0.2, 0.1), (1.0, -1.2)):
+        head = lake.head(x, y, radius=0.1, volume=5.0 / (1000.0 * 9.81 * 0.02**2))
+        share, _ = lake.press_after(head, 0.01, weight=1.0, elsewhere=0.0, loss=math.inf)
+        assert share == 1.0
+    level, _, _ = lake.window(0.0, 0.0, (128, 128))
+    assert abs(level).max() > 1e-3
+    np.testing.assert_allclose(level, field.elevation, rtol=0.0, atol=3e-9)
+    assert abs(lake.volume()) < 1e-9
+
+
 def test_a_lake_that_is_all_land_is_refused():
     with pytest.raises(ValueError, match="leave some water"):
         Lake((64, 64), land=lambda x, y: np.ones((len(x), len(y)), bool))
