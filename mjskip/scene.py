@@ -269,6 +269,10 @@ def _settings(model: mujoco.MjModel, file: Path, bodies: list[str]) -> dict[str,
         entries.append((mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_TEXT, k), text))
     for name, value in entries:
         if not name.startswith(PREFIX):
+            if name.lower().startswith(PREFIX.rstrip(".")):
+                raise SceneError(
+                    f"{file}: setting {name!r} would be ignored: begin it with {PREFIX!r}, as in {PREFIX}speed"
+                )
             continue
         key = name.removeprefix(PREFIX)
         if key not in known:

@@ -115,6 +115,7 @@ BAD = {
     "nan": (("run", "--speed", "nan"), "speed is nan.*between 0 and 1000"),
     "negative": (("run", "--speed", "-3"), "speed is -3"),
     "absurd": (("run", "--spin", "1e9"), "spin is 1e.09 rev/s"),
+    "no netcdf": (("run", "--save", "x.txt"), "--save is 'x.txt': NetCDF files end in .nc"),
     "word": (("run", "--speed", "fast"), "'fast' is not a valid float"),
     "tilt": (("run", "--attack", "95"), "attack is 95 degrees"),
     "tilts": (("run", "--attack", "60", "--bank", "60"), "cannot both hold"),

@@ -4,6 +4,7 @@ import copy
 import ctypes
 import threading
 import time
+import warnings
 from collections import Counter
 
 import mujoco
@@ -15,7 +16,7 @@ from mjskip import Limits, Stone, Water, attach, integrate, load_scene
 from mjskip.attitude import difference, matrices
 from mjskip.coupling._control_kernels import library
 from mjskip.coupling.bodies import body_stone
-from mjskip.errors import DivergedError, MeshError, SceneError
+from mjskip.errors import DivergedError, MeshError, MjskipWarning, SceneError
 from mjskip.throw import State
 
 SLOT = ctypes.c_void_p.in_dll(library, "mjcb_control")
@@ -556,6 +557,16 @@ def test_a_model_is_attached_once(first, second):
 
 
 PLANE = '<geom name="floor" type="plane" size="1 1 1" pos="0 0 -9"/>'
+
+
+def test_an_attach_that_is_never_entered_says_that_it_does_nothing():
+    model = world(GEOMS["mesh"])
+    with pytest.warns(MjskipWarning, match="attach\\(\\) without `with` does nothing"):
+        attach(model)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with attach(model):
+            pass
 
 
 def test_planes_and_height_fields_are_refused_by_name():

@@ -130,6 +130,11 @@ def test_the_stone_of_the_clanet_scene_is_the_disc_of_the_oracle(clanet_scene, c
 
 BAD_SETTINGS = [
     (numeric("spinn", 1), r"unknown setting 'mjskip.spinn'; known are mjskip\.air_density, .*"),
+    (
+        '<numeric name="mjskip_speed" data="3"/>',
+        r"'mjskip_speed' would be ignored: begin it with 'mjskip\.'",
+    ),
+    ('<numeric name="MJSkip.speed" data="3"/>', r"'MJSkip\.speed' would be ignored"),
     (numeric("spin.nobody", 1), r"unknown setting 'mjskip.spin.nobody'.*\(bodies: stone\)"),
     (numeric("density.stone", 1), r"unknown setting 'mjskip.density.stone'"),
     (numeric("density", -1), "density is -1.0: give a finite number of at least 0"),

@@ -67,6 +67,8 @@ def run(
         raise ValueError("--own-dent is about moving water: give --surface waves too")
     check_film(filming)
     if save is not None:
+        if save.suffix != ".nc":
+            raise click.UsageError(f"--save is {str(save)!r}: NetCDF files end in .nc")
         check_folder(save.parent)
     limits = Limits(duration=duration)
     with err.status("preparing: the first run on a machine compiles for some seconds"):

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import ctypes
+import sys
 import threading
+import warnings
 from collections import deque
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
@@ -21,7 +23,7 @@ from mjskip._native import address_of_cfunc
 from mjskip.coupling import _control_kernels as tables
 from mjskip.coupling.bodies import body_name, body_stone, find_body, free_bodies
 from mjskip.coupling.plugin import plugin_water
-from mjskip.errors import DivergedError, SceneError
+from mjskip.errors import DivergedError, MjskipWarning, SceneError
 from mjskip.forces import Wrench, pack, pack_states, wrench_address, wrench_of
 from mjskip.stone import Stone
 from mjskip.water import Water
@@ -85,7 +87,6 @@ class Coupling:
         return wrench_of(self.blocks[self.bodies.index(body)], states)
 
 
-@contextmanager
 def attach(
     model: mujoco.MjModel,
     data: mujoco.MjData | None = None,
@@ -94,7 +95,7 @@ def attach(
     bodies: Sequence[str] | None = None,
     geoms: Sequence[str] | None = None,
     native: bool = True,
-) -> Iterator[Coupling]:
+) -> AbstractContextManager[Coupling]:
     """Let still water (z = 0) and air act on bodies of a model for as long as the context is open.
 
     The forces are worked out inside MuJoCo at every evaluation, RK4's sub-stages included, and assigned
@@ -108,10 +109,12 @@ def attach(
         water: the fluid; `Water()` if omitted.
         bodies: names of the bodies; all bodies with a free joint if None.
         geoms: names of the geoms that water touches; all geoms of the bodies if None.
-        native: False installs a callback in plain Python, for teaching and tests: far slower, and no model can be compiled, nor threads be used, while it is there.
+        native: False installs a callback in plain Python, for teaching and tests: far slower, and no model can
+            be compiled, nor threads be used, while it is there.
 
-    Yields:
-        The coupling, whose `check()` raises if a force was not finite. Leaving the context does too.
+    Returns:
+        A context that enters with the coupling, whose `check()` raises if a force was not finite. Leaving the
+        context does too.
 
     Raises:
         SceneError: no such body, a geom that is no solid, a model that silences callbacks, or one that is
@@ -119,7 +122,42 @@ def attach(
         MeshError: a mesh geom is not closed.
         DivergedError: on leaving, if a force was not finite.
     """
-    coupling = _couple(model, water or Water(), bodies, geoms)
+    return _Attachment(_attached_water(model, data, water or Water(), bodies, geoms, native))
+
+
+class _Attachment(AbstractContextManager[Coupling]):
+    """Water that acts once it is entered, and says so if it never was."""
+
+    def __init__(self, water: AbstractContextManager[Coupling]) -> None:
+        self._water, self._entered = water, False
+
+    def __enter__(self) -> Coupling:
+        self._entered = True
+        return self._water.__enter__()
+
+    def __exit__(self, *error: Any) -> bool | None:
+        return self._water.__exit__(*error)
+
+    def __del__(self) -> None:
+        if not self._entered and not sys.is_finalizing():
+            warnings.warn(
+                "attach() without `with` does nothing: write `with attach(model, data):` around the steps",
+                MjskipWarning,
+                stacklevel=2,
+            )
+
+
+@contextmanager
+def _attached_water(
+    model: mujoco.MjModel,
+    data: mujoco.MjData | None,
+    water: Water,
+    bodies: Sequence[str] | None,
+    geoms: Sequence[str] | None,
+    native: bool,
+) -> Iterator[Coupling]:
+    """What `attach` does."""
+    coupling = _couple(model, water, bodies, geoms)
     before = None if data is None else data.xfrc_applied[list(coupling.bodies)].copy()
     remove = _install_native(coupling) if native else _install_python(coupling)
     try:
