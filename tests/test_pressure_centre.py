@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 import trimesh
+from scipy.integrate import quad
 
 from mjskip import Limits, Stone, Throw, Water, integrate, wrench
 from mjskip.laws import LAWS
@@ -37,6 +38,34 @@ def test_a_half_wet_plate_is_loaded_where_rayleigh_says(degrees):
     ahead = 0.75 * math.cos(theta) / (4.0 + math.pi * math.sin(theta)) * wet
     # the edge of thickness 1e-4 has no load in this motion but at 90 degrees to the face; its lever is nil
     assert lever == pytest.approx(wet / 2.0 - ahead, rel=5e-3)
+
+
+@pytest.mark.parametrize("degrees", [5.0, 30.0, 60.0, 89.0])
+def test_rayleighs_formula_is_that_of_kirchhoffs_flow_past_a_plate(degrees):
+    """The flow itself, by quadrature: on the plate w = V l' / (t - cos theta)^2 and V dz/dw = |t| + sqrt(t^2 - 1),
+    |t| > 1, the rims at t = 1 (behind) and -1, the stagnation point at infinity; u = 1 / t."""
+    theta = math.radians(degrees)
+
+    def slowness(u):
+        return (1.0 + math.sqrt(1.0 - u * u)) / abs(u)
+
+    def length(u):
+        return 2.0 * slowness(u) / abs(1.0 / u - math.cos(theta)) ** 3 / u**2
+
+    def load(u):  # over rho V^2
+        return 0.5 * (1.0 - slowness(u) ** -2) * length(u)
+
+    def over(function, start, stop):
+        return quad(function, start, stop, limit=500)[0]
+
+    behind, front = over(length, 0.0, 1.0), over(length, -1.0, 0.0)
+    total, force = behind + front, over(load, 0.0, 1.0) + over(load, -1.0, 0.0)
+    moment = over(lambda u: load(u) * over(length, u, 1.0), 0.0, 1.0)
+    moment += over(lambda u: load(u) * (behind + over(length, u, 0.0)), -1.0, 0.0)
+    sine = math.pi * math.sin(theta)
+    assert force / total == pytest.approx(sine / (4.0 + sine), rel=1e-8)
+    ahead = 0.75 * math.cos(theta) / (4.0 + sine)
+    assert moment / force / total - 0.5 == pytest.approx(ahead, abs=1e-8)
 
 
 @pytest.mark.parametrize("law", FORWARD)
