@@ -121,15 +121,15 @@ def test_slots_are_told_apart_after_many_wakings_and_sleepings():
     for _ in range(60):
         lake.press(*rng.uniform(-8, 8, 2), force=30.0, radius=0.05)
         lake.advance(0.2)
-        water = lake._water
+        water = lake.water
         assert len(water.names) == water.used == len(water.slots) + 1
         for tile, slot in water.slots.items():
             assert water.names[slot] == tile
             for direction in range(9):
                 around = (tile[0] + direction // 3 - 1, tile[1] + direction % 3 - 1)
                 assert water.neighbours[slot, direction] == water.slots.get(around, 0)
-    assert not lake._water.z[0].any()
-    assert not lake._water.prev[0].any()
+    assert not lake.water.z[0].any()
+    assert not lake.water.prev[0].any()
 
 
 @pytest.mark.parametrize(

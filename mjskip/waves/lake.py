@@ -14,7 +14,6 @@ from mjskip.waves import _wave_kernels as kernels
 from mjskip.waves._grid import checked_finite, checked_load, checked_number, checked_shape
 from mjskip.waves._stencil import (
     COURANT_LIMITS,
-    NARROWEST_LOAD,
     SAFE_FRACTION,
     paper_limit,
     reach_of,
@@ -33,6 +32,11 @@ class Lake:
     `sleep_amplitude=0` the elevation is that of one large grid, bit for bit. Otherwise sleeping
     water reflects or swallows waves below that amplitude, and `lost_volume` says how much water
     went with tiles that fell asleep.
+
+    Attributes:
+        shape, spacing, wave_speed, damping, sleep_amplitude: as given.
+        origin: (x, y) of cell (0, 0) [m].
+        water: the tiles.
     """
 
     def __init__(
@@ -72,7 +76,7 @@ class Lake:
         self.sleep_amplitude = checked_number("sleep_amplitude", sleep_amplitude, "m")
         checked_finite("m", centre_x=centre[0], centre_y=centre[1])
         nx, ny = self.shape or (1, 1)
-        self._origin = (
+        self.origin = (
             centre[0] - (nx - 1) / 2 * self.spacing,
             centre[1] - (ny - 1) / 2 * self.spacing,
         )
@@ -87,7 +91,7 @@ class Lake:
 
         def positions(first: int, count: int, axis: int) -> FloatArray:
             return np.asarray(
-                self._origin[axis] + (first + np.arange(count)) * self.spacing, np.float64
+                self.origin[axis] + (first + np.arange(count)) * self.spacing, np.float64
             )
 
         if (
@@ -99,7 +103,7 @@ class Lake:
 
     def _flood(self, shore: Shore | None) -> None:
         """Fill with water."""
-        self._water = TiledWater(
+        self.water = TiledWater(
             self.shape, self.wave_speed / self.spacing, self.damping, self.sleep_amplitude, shore
         )
         self._bent = np.empty((0, 0))
@@ -114,27 +118,27 @@ class Lake:
     @property
     def awake_tiles(self) -> int:
         """Tiles stored and stepped now."""
-        return self._water.used - 1
+        return self.water.used - 1
 
     @property
     def memory(self) -> int:
         """Bytes that hold the water now."""
-        return self._water.memory
+        return self.water.memory
 
     @property
     def lost_volume(self) -> float:
         """Water that went with tiles that fell asleep [m^3]."""
-        return self._water.lost * self.spacing**2
+        return self.water.lost * self.spacing**2
 
     def volume(self) -> float:
         """Water above the still level minus water missing below it [m^3]."""
-        return float(self._water.z[1 : self._water.used].sum(dtype=np.float64)) * self.spacing**2
+        return float(self.water.z[1 : self.water.used].sum(dtype=np.float64)) * self.spacing**2
 
     def contains(self, x: float, y: float) -> bool:
         """Whether a point is inside the walls."""
         if self.shape is None:
             return True
-        at = (x - self._origin[0]) / self.spacing, (y - self._origin[1]) / self.spacing
+        at = (x - self.origin[0]) / self.spacing, (y - self.origin[1]) / self.spacing
         return all(-0.5 <= p <= n - 0.5 for p, n in zip(at, self.shape, strict=True))
 
     def window(
@@ -151,13 +155,13 @@ class Lake:
         """
         i, j = (
             round((at - origin) / self.spacing - (n - 1) / 2)
-            for at, origin, n in zip((x, y), self._origin, shape, strict=True)
+            for at, origin, n in zip((x, y), self.origin, shape, strict=True)
         )
         places = [
             np.asarray(origin + (first + np.arange(n)) * self.spacing, np.float64)
-            for origin, first, n in zip(self._origin, (i, j), shape, strict=True)
+            for origin, first, n in zip(self.origin, (i, j), shape, strict=True)
         ]
-        return self._water.copy(self._water.z, i, j, shape), places[0], places[1]
+        return self.water.copy(self.water.z, i, j, shape), places[0], places[1]
 
     def sample(self, x: npt.ArrayLike, y: npt.ArrayLike) -> SurfaceSample:
         """Surface at points, bilinear; outside the lake the water is still.
@@ -168,7 +172,7 @@ class Lake:
         columns = np.broadcast_arrays(
             np.atleast_1d(np.asarray(x, np.float64)), np.atleast_1d(np.asarray(y, np.float64))
         )
-        at = (np.column_stack([c.ravel() for c in columns]) - self._origin) / self.spacing
+        at = (np.column_stack([c.ravel() for c in columns]) - self.origin) / self.spacing
         out = np.zeros((len(at), 4))
         nowhere = ~np.isfinite(at).all(axis=1)
         at[nowhere] = 0.0
@@ -185,13 +189,13 @@ class Lake:
             if i1 <= i0 or j1 <= j0:
                 continue
             z, prev = (
-                self._water.copy(pool, i0 - 1, j0 - 1, (i1 - i0 + 2, j1 - j0 + 2))
-                for pool in (self._water.z, self._water.prev)
+                self.water.copy(pool, i0 - 1, j0 - 1, (i1 - i0 + 2, j1 - j0 + 2))
+                for pool in (self.water.z, self.water.prev)
             )
             local = np.empty((len(points), 4))
             kernels.sample_points(
                 z, prev, i1 - i0 + 1, 1, j1 - j0 + 1, kernels.REFLECT, at[points] - (i0, j0),
-                self.spacing, self._water.last_timestep, local,
+                self.spacing, self.water.last_timestep, local,
             )  # fmt: skip
             out[points] = local
         out[nowhere] = 0.0
@@ -222,18 +226,18 @@ class Lake:
         checked_finite("m", x=x, y=y, height=height)
         checked_number("radius", radius, "m", positive=True)
         reach = reach_of(radius, self.spacing)
-        at = (x - self._origin[0]) / self.spacing, (y - self._origin[1]) / self.spacing
+        at = (x - self.origin[0]) / self.spacing, (y - self.origin[1]) / self.spacing
         span = [np.arange(math.ceil(p - reach), math.floor(p + reach) + 1) for p in at]
         distance = (span[0][:, None] - at[0]) ** 2 + (span[1][None, :] - at[1]) ** 2
         bump = (height * np.maximum(1.0 - distance / reach**2, 0.0) ** 2).astype(np.float32)
         first = int(span[0][0]), int(span[1][0])
-        wet = self._water.open_cells(*first, bump.shape)
-        self._water.add(bump * wet if wet.size else bump, *first, both_levels=True)
-        self._water.wake_neighbours()
+        wet = self.water.open_cells(*first, bump.shape)
+        self.water.add(bump * wet if wet.size else bump, *first, both_levels=True)
+        self.water.wake_neighbours()
 
     def reset(self) -> None:
         """Still water at time 0, no loads, no tiles."""
-        self._water.reset()
+        self.water.reset()
         self._loads: list[Head] = []
         self.time = 0.0
         """Simulated time [s]."""
@@ -246,13 +250,13 @@ class Lake:
             self.shape, self.spacing, self.wave_speed, self.damping,
             sleep_amplitude=self.sleep_amplitude,
         )  # fmt: skip
-        other._origin = self._origin
-        other._flood(self._water.shore)
+        other.origin = self.origin
+        other._flood(self.water.shore)
         return other
 
     def absorb(self, other: Lake) -> None:
         """Take the waves of a sibling that is at the same time, which is left still."""
-        mine, theirs = self._water, other._water
+        mine, theirs = self.water, other.water
         if theirs.last_timestep > 0.0 and mine.last_timestep != theirs.last_timestep:
             mine.retime(theirs.last_timestep)
         for tile, slot in theirs.slots.items():
@@ -268,11 +272,11 @@ class Lake:
     @property
     def highest(self) -> float:
         """Greatest |elevation| [m]."""
-        return float(np.abs(self._water.z[1 : self._water.used]).max(initial=0.0))
+        return float(np.abs(self.water.z[1 : self.water.used]).max(initial=0.0))
 
     def stirs(self, i: int, j: int, side: int) -> bool:
         """Whether a tile under a square of cells is awake."""
-        slots = self._water.slots
+        slots = self.water.slots
         if slots:
             (a, b), (c, d) = _tiles_under(i, j, (side, side))
             for p in range(a, c + 1):
@@ -283,11 +287,11 @@ class Lake:
 
     def cell_at(self, x: float, y: float) -> tuple[float, float]:
         """A point in cells [m]."""
-        return (x - self._origin[0]) / self.spacing, (y - self._origin[1]) / self.spacing
+        return (x - self.origin[0]) / self.spacing, (y - self.origin[1]) / self.spacing
 
     def place_of(self, i: int, j: int) -> tuple[float, float]:
         """Where a cell is [m]."""
-        return self._origin[0] + i * self.spacing, self._origin[1] + j * self.spacing
+        return self.origin[0] + i * self.spacing, self.origin[1] + j * self.spacing
 
     def add_to_patch(self, i: int, j: int, points: FloatArray) -> float:
         """Add elevation and vertical speed from cell (i, j) on to points (2, n, n).
@@ -295,7 +299,7 @@ class Lake:
         Returns:
             Greatest |elevation| of the sum so far [m].
         """
-        n, water = points.shape[1], self._water
+        n, water = points.shape[1], self.water
         slots = water.slots_under(*_tiles_under(i, j, (n, n)))
         rate = 1.0 / water.last_timestep if water.last_timestep > 0.0 else 0.0
         highest: float = tiles.add_to_patch(
@@ -319,7 +323,7 @@ class Lake:
     def work_under(self, head: Head) -> float:
         """Sum over a head's cells of the head times the last step's change of elevation [m^2]."""
         heights, i, j = head
-        water = self._water
+        water = self.water
         slots = water.slots_under(*_tiles_under(i, j, heights.shape))
         work: float = tiles.work_under(water.z, water.prev, slots, i % TILE, j % TILE, heights)
         return work
@@ -340,7 +344,7 @@ class Lake:
         Returns:
             Share that was pressed, and the energy the waves gained by it [J].
         """
-        water, (heights, i, j) = self._water, head
+        water, (heights, i, j) = self.water, head
         high, wide = heights.shape[0] + 2, heights.shape[1] + 2
         if high > self._bent.shape[0] or wide > self._bent.shape[1]:
             self._bent = np.empty((high, wide))
@@ -354,77 +358,6 @@ class Lake:
             elsewhere, loss,
         )  # fmt: skip
         return share, gained
-
-    def glide(
-        self, common: Lake, ride: Ride, states: FloatArray, seen: FloatArray, shares: FloatArray,
-        timestep: float,
-    ) -> int:  # fmt: skip
-        """Move a stone and this water, which it alone moves, on together: see `_tile_kernels.glide`.
-
-        Args:
-            common: water that must sleep wherever the stone comes; at the same time.
-            ride: the stone and what steps it.
-            states: (n + 1, 18), the first row given, the others filled.
-            seen: (n, 17) observed before each step.
-            shares: (n,) of the reaction that the water was given.
-            timestep: [s].
-
-        Returns:
-            Steps made: up to n, none where the stone is dry, its load or other waves need care.
-        """
-        water = self._water
-        water.go_to_bed()
-        most, around = min(len(shares), water.steps_till_bedtime), self._around(states[0])
-        if most < 1 or around is None or water.shore or not water.keeps_step(timestep):
-            return 0
-        done, found = tiles.glide(
-            *ride.compiled, states, seen[:most], shares[:most],
-            water.z, water.prev, water.neighbours, water.used, *water.scratch,
-            water.slots_under(*around), *around[0], *(self.shape or (0, 0)),
-            common._water.slots_under(*around), *around[0],
-            self._numbers(ride, timestep), ride.head, ride.bent, ride.balance,
-        )  # fmt: skip
-        water.glided(done, found)
-        for _ in range(done):
-            self.time += timestep
-        return done
-
-    def fly(
-        self, ride: Ride, states: FloatArray, seen: FloatArray, timestep: float, reach: float
-    ) -> int:
-        """Move a stone on in the air: arguments as for `glide`.
-
-        It does not feel this water where that sleeps or is further than `reach` below it [m].
-        """
-        around = self._around(states[0])
-        if around is None or not len(seen):
-            return 0
-        self._numbers(ride, timestep)[tiles.REACH] = reach
-        done: int = tiles.fly(
-            *ride.compiled, states, seen,
-            self._water.slots_under(*around), *around[0], self._numbers(ride, timestep),
-        )  # fmt: skip
-        return done
-
-    def _around(self, state: FloatArray) -> tuple[tuple[int, int], tuple[int, int]] | None:
-        """First and last of the nine tiles around a stone; None if it is nowhere."""
-        x, y = self.cell_at(float(state[0]), float(state[1]))
-        if not (math.isfinite(x) and math.isfinite(y)):
-            return None
-        a, b = int(x // TILE), int(y // TILE)
-        return (a - 1, b - 1), (a + 1, b + 1)
-
-    def _numbers(self, ride: Ride, timestep: float) -> FloatArray:
-        """What `_tile_kernels.glide` is given as numbers."""
-        numbers = ride.numbers
-        if numbers[tiles.TIMESTEP] != timestep:
-            numbers[tiles.ORIGIN_X], numbers[tiles.ORIGIN_Y] = self._origin
-            numbers[tiles.SPACING], numbers[tiles.NARROWEST] = self.spacing, NARROWEST_LOAD
-            numbers[tiles.TIMESTEP] = timestep
-            numbers[tiles.DAMP], numbers[tiles.SCALE] = self._water.coefficients(timestep)
-            numbers[tiles.EDGE], numbers[tiles.CORNER] = self._water.weights(timestep)
-            numbers[tiles.AMPLITUDE] = self.sleep_amplitude
-        return numbers
 
     # Time ---------------------------------------------------------------------------------------
 
@@ -458,45 +391,8 @@ class Lake:
         return steps
 
     def _step(self, timestep: float) -> None:
-        self._water.step(timestep, self._loads)
+        self.water.step(timestep, self._loads)
         self.time += timestep
-
-
-class Ride:
-    """A stone that glides through water of its own, and scratch for it.
-
-    Attributes:
-        compiled: what steps the engine and observes the stone: addresses, context and block.
-        balance: what passed between stone and water, in the order of `_tile_kernels`.
-    """
-
-    def __init__(
-        self,
-        compiled: tuple[int, FloatArray, int, int, FloatArray],
-        *,
-        widest: float,
-        side: int,
-        weight: float,
-        strength: float,
-    ) -> None:
-        """Take a stone.
-
-        Args:
-            compiled: addresses of the engine's hop, its context, addresses of the force kernel's two
-                halves, and the stone's block.
-            widest: reach of its largest head, in cells.
-            side: of the patch it feels, in cells.
-            weight: of a head of a metre on a cell [N].
-            strength: of the head that a newton makes [cells x m/N].
-        """
-        self.compiled = compiled
-        size = 2 * math.ceil(widest) + 1
-        self.head = np.empty((size, size), np.float32)
-        self.bent = np.empty((size + 2, size + 2))
-        self.balance = np.zeros(6)
-        self.numbers = np.zeros(tiles.NUMBERS)
-        self.numbers[tiles.PATCH_SIDE] = side
-        self.numbers[tiles.WEIGHT], self.numbers[tiles.STRENGTH] = weight, strength
 
 
 def _tiles_under(i: int, j: int, shape: tuple[int, ...]) -> tuple[tuple[int, int], tuple[int, int]]:

@@ -32,9 +32,10 @@ import numpy.typing as npt
 from mjskip import _force_kernels as kernels
 from mjskip.forces import immersion_address, observe, wrench_address
 from mjskip.waves import _tile_kernels as tiles
-from mjskip.waves._stencil import SAFE_FRACTION, reach_of
+from mjskip.waves._stencil import SAFE_FRACTION
 from mjskip.waves.dense import Head
-from mjskip.waves.lake import Lake, Ride
+from mjskip.waves.lake import Lake
+from mjskip.waves.ride import Ride
 
 Array = npt.NDArray[np.float64]
 
@@ -121,6 +122,7 @@ class MovingSurface:
         self._weight = density * gravity * lake.spacing**2
         self._strength = strength
         self._own_dent = own_dent
+        self._hop: Hop | None = None
 
     def look(self, states: Mapping[str, Array]) -> dict[str, Array]:
         """Copy the surface around every stone and observe the forces there.
@@ -142,9 +144,9 @@ class MovingSurface:
         moves.
 
         Args:
-            hop: what steps the engine.
+            hop: what steps the engine, the same object in every call.
             states: (1, 18) by name.
-            timestep: [s].
+            timestep: [s], the same in every call.
             most: steps.
 
         Returns:
@@ -157,10 +159,14 @@ class MovingSurface:
         most = min(most, *[water.steps_waiting(timestep) for water in self._waters])
         if most < 1:
             return None
-        if stone.ride is None:
+        if stone.ride is None or hop is not self._hop:
+            self._hop = hop
             stone.ride = Ride(
                 (*hop, wrench_address(), immersion_address(), stone.block),
-                widest=reach_of(2.0 * stone.radius, self.lake.spacing),
+                stone.own.lake,
+                self.lake,
+                timestep=timestep,
+                radius=stone.radius,
                 side=stone.side,
                 weight=self._weight,
                 strength=self._strength / self._weight,
@@ -170,7 +176,7 @@ class MovingSurface:
         path[0] = states[name][0]
         done = 0
         if stone.touching and stone.dry_for == 0.0 and not stone.own.is_behind:
-            done = stone.own.lake.glide(self.lake, stone.ride, path, seen, shares, timestep)
+            done = stone.ride.glide(path, seen, shares)
         still = [self._common]
         if done:
             stone.own.moved(done)
@@ -178,7 +184,7 @@ class MovingSurface:
         else:
             if stone.touching:  # until its waves merge into the lake
                 most = min(most, int((MERGE_AFTER - stone.dry_for) / timestep - 0.5))
-            done = self.lake.fly(stone.ride, path, seen[: max(most, 0)], timestep, stone.reach())
+            done = stone.ride.fly(path, seen[: max(most, 0)], stone.reach())
             stone.dry_for += done * timestep
             still = self._waters
         for water in still:
