@@ -100,7 +100,7 @@ class Scene:
         return HeightField(**self.grid, land=land_of(self.model, field.x, field.y))
 
     def lake(self) -> Lake:
-        """Fresh two-way water: endless if the scene's boundary absorbs, else inside its walls.
+        """Fresh two-way water: endless if the scene's boundary absorbs, else inside its walls or periodic.
 
         Raises:
             ValueError: the walls are not on tiles, or the scene asks for what lakes of tiles lack.
@@ -108,14 +108,14 @@ class Scene:
         grid = dict(self.grid)
         stencil = grid.pop("stencil", "nine_point")
         boundary = grid.pop("boundary", "reflect")
-        if stencil != "nine_point" or boundary == "periodic":
+        if stencil != "nine_point":
             raise ValueError(
-                f"{self.path}: two-way waves need the nine_point stencil and a boundary that absorbs or "
-                f"reflects, not {stencil} and {boundary}"
+                f"{self.path}: two-way waves need the nine_point stencil, not {stencil}"
             )
         shape = grid.pop("shape", DEFAULT_SHAPE)
         land = Land(self.model) if self.obstacles else None
-        return Lake(None if boundary == "absorb" else shape, **grid, land=land)
+        shape = None if boundary == "absorb" else shape
+        return Lake(shape, **grid, periodic=boundary == "periodic", land=land)
 
     def rethrow(self, **changes: float) -> Scene:
         """This scene with other throw settings, SI and radians.

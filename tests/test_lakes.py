@@ -46,6 +46,29 @@ def test_an_endless_lake_is_a_dense_field_whose_walls_are_far():
     np.testing.assert_array_equal(elevation, dense.elevation)
 
 
+@pytest.mark.parametrize("tiles", [(3, 2), (1, 2)])
+def test_a_periodic_lake_of_tiles_is_the_periodic_dense_field(tiles):
+    shape = tiles[0] * TILE, tiles[1] * TILE
+    dense = HeightField(shape, boundary="periodic")
+    lake = Lake(shape, periodic=True, sleep_amplitude=0.0)
+    for water in (dense, lake):
+        water.displace(0.1, 0.2, height=0.01, radius=0.3)
+        for _ in range(150):
+            water.step(0.015)
+    elevation, _, _ = lake.window(0.0, 0.0, shape)
+    assert abs(elevation[0]).max() > 1e-5  # it has come to the edge
+    np.testing.assert_array_equal(elevation, dense.elevation)
+    drive(dense)
+    drive(lake)
+    elevation, _, _ = lake.window(0.0, 0.0, shape)
+    assert abs(elevation - dense.elevation).max() < 1e-7  # as inside walls
+    width = shape[0] * lake.spacing
+    at = np.linspace(-0.5, 0.5, 7)
+    here, there = lake.sample(at, 0.1 + 0 * at), lake.sample(at + 2 * width, 0.1 + 0 * at)
+    np.testing.assert_allclose(here.elevation, there.elevation, atol=1e-9)
+    assert abs(lake.volume() - dense.volume()) < 1e-9
+
+
 def test_a_wave_wakes_the_tiles_it_reaches_and_no_others():
     lake = Lake()
     assert lake.awake_tiles == 0
@@ -140,6 +163,7 @@ def test_slots_are_told_apart_after_many_wakings_and_sleepings():
         ({"spacing": -1.0}, "spacing is -1.0"),
         ({"sleep_amplitude": math.nan}, "sleep_amplitude is nan"),
         ({"centre": (math.inf, 0.0)}, "centre_x is inf"),
+        ({"periodic": True}, "an endless lake cannot be periodic: give a shape"),
     ],
 )
 def test_what_cannot_be_a_lake_is_refused(arguments, message):

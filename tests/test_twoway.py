@@ -317,6 +317,23 @@ def test_a_stone_feels_the_waves_of_another_and_not_its_own():
     np.testing.assert_array_equal(seen["maker"], still)
 
 
+def test_in_a_periodic_lake_a_stone_feels_what_went_over_the_edge():
+    width = 128 * 0.02
+    runs = []
+    for where in (0.0, width):
+        lake = Lake((128, 64), periodic=True, sleep_amplitude=0.0)
+        lake.displace(0.3, 0.0, height=0.02, radius=0.2)
+        lake.advance(0.4)
+        run = Run({"stone": dropped(DISC, 1.0, x=where, height=0.0)}, lake)
+        run.advance(60)
+        runs.append(run.states["stone"][0])
+    runs[1][0] -= width
+    still = Run({"stone": dropped(DISC, 1.0)}, Lake())
+    still.advance(60)
+    assert abs(runs[0] - still.states["stone"][0]).max() > 1e-3  # it does feel waves
+    np.testing.assert_allclose(runs[1], runs[0], atol=1e-9)
+
+
 def test_when_a_touch_is_over_its_waves_are_the_lakes_and_it_is_felt_by_its_maker():
     run = Run({"stone": thrown(DISC)}, Lake())
     run.advance(30)

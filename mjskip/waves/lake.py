@@ -34,7 +34,9 @@ class Lake:
     went with tiles that fell asleep.
 
     Attributes:
-        shape, spacing, wave_speed, damping, sleep_amplitude: as given.
+        shape: cells inside walls; None if there are none.
+        period: cells after which a periodic lake is itself again, or None.
+        spacing, wave_speed, damping, sleep_amplitude: as given.
         origin: (x, y) of cell (0, 0) [m].
         water: the tiles.
     """
@@ -47,6 +49,7 @@ class Lake:
         damping: float = 0.2,
         *,
         centre: tuple[float, float] = (0.0, 0.0),
+        periodic: bool = False,
         sleep_amplitude: float = 1e-5,
         land: Callable[[FloatArray, FloatArray], npt.NDArray[np.bool_]] | None = None,
     ) -> None:
@@ -58,24 +61,29 @@ class Lake:
             wave_speed: c [m/s].
             damping: mu [1/s].
             centre: (x, y) of the middle; of cell (0, 0) if the lake is endless [m].
+            periodic: no walls: what leaves `shape` on one side comes in on the other, stones too.
             sleep_amplitude: waves below it are let go [m].
             land: tells of cells at x (n,) and y (m,) [m] whether they are land (n, m); waves reflect off it.
 
         Raises:
             ValueError: an argument is out of range, or land covers everything inside the walls.
         """
-        self.shape = None if shape is None else checked_shape(shape)
-        if self.shape is not None and any(n % TILE for n in self.shape):
-            near = tuple(max(1, round(n / TILE)) * TILE for n in self.shape)
+        size = None if shape is None else checked_shape(shape)
+        if size is not None and any(n % TILE for n in size):
+            near = tuple(max(1, round(n / TILE)) * TILE for n in size)
             raise ValueError(
-                f"shape is {self.shape!r}: a lake is made of tiles of {TILE} cells; use {near!r}"
+                f"shape is {size!r}: a lake is made of tiles of {TILE} cells; use {near!r}"
             )
+        if periodic and size is None:
+            raise ValueError("an endless lake cannot be periodic: give a shape")
+        self.shape = None if periodic else size
+        self.period = size if periodic else None
         self.spacing = checked_number("spacing", spacing, "m", positive=True)
         self.wave_speed = checked_number("wave_speed", wave_speed, "m/s", positive=True)
         self.damping = checked_number("damping", damping, "1/s")
         self.sleep_amplitude = checked_number("sleep_amplitude", sleep_amplitude, "m")
         checked_finite("m", centre_x=centre[0], centre_y=centre[1])
-        nx, ny = self.shape or (1, 1)
+        nx, ny = size or (1, 1)
         self.origin = (
             centre[0] - (nx - 1) / 2 * self.spacing,
             centre[1] - (ny - 1) / 2 * self.spacing,
@@ -89,23 +97,24 @@ class Lake:
     ) -> Callable[[int, int, int], npt.NDArray[np.bool_]]:
         """The same by cells: of a square of them."""
 
-        def positions(first: int, count: int, axis: int) -> FloatArray:
-            return np.asarray(
-                self.origin[axis] + (first + np.arange(count)) * self.spacing, np.float64
-            )
+        size = self.shape or self.period
 
-        if (
-            self.shape is not None
-            and land(*(positions(0, n, k) for k, n in enumerate(self.shape))).all()
-        ):
+        def positions(first: int, count: int, axis: int) -> FloatArray:
+            cells = first + np.arange(count)
+            cells = cells % self.period[axis] if self.period else cells
+            return np.asarray(self.origin[axis] + cells * self.spacing, np.float64)
+
+        if size and land(positions(0, size[0], 0), positions(0, size[1], 1)).all():
             raise ValueError("land covers every cell: leave some water")
         return lambda i, j, side: land(positions(i, side, 0), positions(j, side, 1))
 
     def _flood(self, shore: Shore | None) -> None:
         """Fill with water."""
+        period = (self.period[0] // TILE, self.period[1] // TILE) if self.period else None
         self.water = TiledWater(
-            self.shape, self.wave_speed / self.spacing, self.damping, self.sleep_amplitude, shore
-        )
+            self.shape, self.wave_speed / self.spacing, self.damping, self.sleep_amplitude, shore,
+            period,
+        )  # fmt: skip
         self._bent = np.empty((0, 0))
 
     # What the water is like ---------------------------------------------------------------------
@@ -247,8 +256,8 @@ class Lake:
     def sibling(self) -> Lake:
         """Still water of the same cells, walls and waves: what both do adds up."""
         other = Lake(
-            self.shape, self.spacing, self.wave_speed, self.damping,
-            sleep_amplitude=self.sleep_amplitude,
+            self.shape or self.period, self.spacing, self.wave_speed, self.damping,
+            periodic=self.period is not None, sleep_amplitude=self.sleep_amplitude,
         )  # fmt: skip
         other.origin = self.origin
         other._flood(self.water.shore)
@@ -281,7 +290,7 @@ class Lake:
             (a, b), (c, d) = _tiles_under(i, j, (side, side))
             for p in range(a, c + 1):
                 for q in range(b, d + 1):
-                    if (p, q) in slots:
+                    if self.water.name_of((p, q)) in slots:
                         return True
         return False
 

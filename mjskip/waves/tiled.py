@@ -68,6 +68,7 @@ class TiledWater:
 
     Attributes:
         shape: cells inside reflecting walls; None is endless.
+        period: tiles after which an endless lake is itself again; None if it is not.
         z: the present level, (capacity, TILE, TILE); tiles are slots 1 .. used.
         prev: the level one step of `last_timestep` ago.
         neighbours: (capacity, 9) slots around each.
@@ -86,9 +87,10 @@ class TiledWater:
         damping: float,
         sleep_amplitude: float,
         shore: Shore | None,
+        period: tuple[int, int] | None,
     ) -> None:
         """Make still water; rate = c / d [1/s], damping mu [1/s], sleep_amplitude [m]."""
-        self.shape, self.shore = shape, shore
+        self.shape, self.shore, self.period = shape, shore, period
         self._rate, self._damping, self._sleep_amplitude = rate, damping, sleep_amplitude
         self._sides = np.zeros((2, TILE + 2), np.float32)
         self.generation = 0
@@ -251,17 +253,26 @@ class TiledWater:
             0 <= t < n // TILE for t, n in zip(tile, self.shape, strict=True)
         )
 
+    def name_of(self, tile: Tile) -> Tile:
+        """The one name of a tile."""
+        period = self.period
+        return tile if period is None else (tile[0] % period[0], tile[1] % period[1])
+
     def _around(self, tile: Tile) -> Iterator[tuple[int, Tile]]:
         for direction in range(9):
-            yield direction, (tile[0] + direction // 3 - 1, tile[1] + direction % 3 - 1)
+            yield (
+                direction,
+                self.name_of((tile[0] + direction // 3 - 1, tile[1] + direction % 3 - 1)),
+            )
 
     def wake(self, tile: Tile) -> int:
         """Slot of a tile, still water if it slept."""
+        tile = self.name_of(tile)
         slot = self.slots.get(tile)
         if slot is not None:
             return slot
         slot = self.used
-        if slot + 1 == len(self.z):  # the kernel reads one cell into the slot after the last
+        if slot == len(self.z):
             self._resize(slot + slot // 4 + SMALLEST_POOL)
         self.used += 1
         self.z[slot] = 0.0
@@ -356,7 +367,11 @@ class TiledWater:
                 if not self._inside(tile):
                     slots[a, b] = tiles.WALL
                 else:
-                    slots[a, b] = self.wake(tile) if wake else self.slots.get(tile, tiles.SLEEPING)
+                    slots[a, b] = (
+                        self.wake(tile)
+                        if wake
+                        else self.slots.get(self.name_of(tile), tiles.SLEEPING)
+                    )
         if known is None or known[0] != self.generation:
             self._found.clear()
         self._found[key] = self.generation, slots, bool(np.all(slots != tiles.SLEEPING))
@@ -373,7 +388,7 @@ class TiledWater:
                 low = max(i, a * TILE), max(j, b * TILE)
                 high = min(i + shape[0], (a + 1) * TILE), min(j + shape[1], (b + 1) * TILE)
                 yield (
-                    (a, b),
+                    self.name_of((a, b)),
                     (slice(low[0] - a * TILE, high[0] - a * TILE),
                      slice(low[1] - b * TILE, high[1] - b * TILE)),
                     (slice(low[0] - i, high[0] - i), slice(low[1] - j, high[1] - j)),
