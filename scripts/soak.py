@@ -3,7 +3,7 @@
     python scripts/soak.py [minutes]
 
 Prints, every half minute: mean level of the lake inside its walls (loads move water and make none), the
-greatest elevation, what the waves gained of what the stones lost, memory. Ten minutes take about ten.
+greatest elevation, what the waves gained of what the stones lost, memory. Ten minutes take five to ten.
 """
 
 from __future__ import annotations

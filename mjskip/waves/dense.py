@@ -113,16 +113,15 @@ class DenseWater:
         self.prev[...] = 0.0
         self.last_timestep = 0.0
 
-    def steps(self, timestep: float, count: int, heads: Sequence[Head]) -> None:
-        """Some equal steps under the heads [s]: several in one pass over memory where that can be done."""
-        if self._deep and not heads and count > 1:
-            self._retime(timestep)
-            while count > 1:
-                depth = min(count, STEPS_PER_PASS)
-                self._sweep_deep(*self._weights(timestep), depth)
-                count -= depth
-        for _ in range(count):
+    def steps(self, timestep: float, most: int, heads: Sequence[Head]) -> int:
+        """One step under the heads [s], or several in one pass over memory where that can be done; how many."""
+        depth = min(most, STEPS_PER_PASS)
+        if not self._deep or heads or depth == 1:
             self.step(timestep, heads)
+            return 1
+        self._retime(timestep)
+        self._sweep_deep(*self._weights(timestep), depth)
+        return depth
 
     def step(self, timestep: float, heads: Sequence[Head]) -> None:
         """One step under the heads [s]."""

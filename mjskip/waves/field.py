@@ -330,9 +330,11 @@ class HeightField:
         if not (math.isfinite(duration) and duration >= 0.0):
             raise ValueError(f"duration is {duration!r} s: give a number of at least 0")
         steps = math.ceil(duration / (SAFE_FRACTION * self.max_timestep))
+        begun, left = self.time, steps
+        while left:
+            left -= self._water.steps(duration / steps, left, self._loads)
+            self.time = begun + duration * (1.0 - left / steps)
         if steps:
-            self._water.steps(duration / steps, steps, self._loads)
-            self.time += duration
             self._loads.clear()
         return steps
 
