@@ -164,6 +164,7 @@ class MujocoEngine:
             self.data.qpos,
             self.data.qvel,
         )  # views: every look-up makes them anew
+        self._sound = 0.0  # when it was last checked: MuJoCo's own clock begins anew if it diverges
         self._arm = scene.arm
         self._acts = bool(scene.arm.controls or scene.arm.releases)
         self._water = None if scene.plugged else scene.water
@@ -226,7 +227,8 @@ class MujocoEngine:
         """Raise DivergedError if a force or a state was not finite since the start."""
         if self._coupling is not None:
             self._coupling.check()  # the plugin's doubts are warnings in the data
-        _check_warnings(self.data)
+        _check_warnings(self.data, self._sound)
+        self._sound = float(self.data.time)
 
     def _states(self, qpos: Array, qvel: Array) -> Motion:
         return {name: body.states(qpos, qvel) for name, body in self._free.items()}
@@ -283,7 +285,7 @@ def _unlogged() -> Iterator[None]:
         mujoco.set_mju_user_warning(before)
 
 
-def _check_warnings(data: mujoco.MjData) -> None:
+def _check_warnings(data: mujoco.MjData, since: float) -> None:
     """MuJoCo resets a simulation whose state is not finite, and only counts it."""
     counts = data.warning.number
     if not counts.any():
@@ -291,7 +293,7 @@ def _check_warnings(data: mujoco.MjData) -> None:
     for kind in ("mjWARN_BADQPOS", "mjWARN_BADQVEL", "mjWARN_BADQACC"):
         if counts[getattr(mujoco.mjtWarning, kind)]:
             raise DivergedError(
-                f"MuJoCo's state is not finite before t = {data.time:.6g} s ({kind}): use a smaller "
+                f"MuJoCo's state is not finite soon after t = {since:.6g} s ({kind}): use a smaller "
                 "time step",
-                time=float(data.time),
+                time=since,
             )

@@ -233,6 +233,7 @@ def _over_waves(
         steps = len(part[1])
         count += steps
         if count == WAVES_CHUNK:
+            engine.check()
             times = timestep * np.arange(done, done + count, dtype=np.float64)
             for name, log in logs.items():
                 states, observed, shares = zip(*rows[name], strict=True)
@@ -245,7 +246,6 @@ def _over_waves(
                 rows[name].clear()
             if all(log.end for log in logs.values()):
                 return
-            engine.check()
             done, count = done + count, 0
 
 

@@ -8,6 +8,7 @@ from conftest import rotation
 
 from mjskip import Limits, Stone, Throw, Water, load_scene, simulate
 from mjskip.attitude import difference
+from mjskip.engines import MujocoEngine
 from mjskip.errors import DivergedError, MjskipWarning, SceneError
 from mjskip.forces import observe, pack, pack_states
 from mjskip.recording import Log, find_contacts
@@ -345,3 +346,15 @@ def test_the_same_throw_is_the_same_to_the_last_bit(lake):
     runs = [simulate(lake, limits=Limits(duration=0.3)) for _ in range(2)]
     np.testing.assert_array_equal(runs[0].x, runs[1].x)
     np.testing.assert_array_equal(runs[0].q, runs[1].q)
+
+
+def test_a_state_that_is_lost_is_reported_with_the_time_before_mujoco_began_anew(lake):
+    with MujocoEngine(lake, None, 5e-4, frozen_attitude=False) as engine:
+        engine.advance(100)
+        engine.check()
+        engine.data.qvel[0] = np.nan
+        engine.advance(30)
+        assert engine.data.time < 0.02
+        with pytest.raises(DivergedError, match=r"not finite soon after t = 0\.05 s") as error:
+            engine.check()
+    assert error.value.time == pytest.approx(0.05)

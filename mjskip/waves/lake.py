@@ -30,8 +30,8 @@ class Lake:
     above `sleep_amplitude` reaches its rim, or a load does, until both of its last levels are within
     half that amplitude. Nine-point stencil, the same arithmetic as `HeightField`; with
     `sleep_amplitude=0` the elevation is that of one large grid, bit for bit. Otherwise sleeping
-    water reflects or swallows waves below that amplitude, and `lost_volume` says how much water
-    went with tiles that fell asleep.
+    water reflects or swallows waves below that amplitude: what flows into it is gone, as much as that
+    amplitude over the area that is awake, and `lost_volume` says how much went with tiles that fell asleep.
 
     Attributes:
         shape: cells inside walls; None if there are none.
