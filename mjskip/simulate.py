@@ -18,7 +18,7 @@ import numpy.typing as npt
 from mjskip.attitude import angles, matrices
 from mjskip.coupling.attach import compile_callback
 from mjskip.coupling.bodies import find_body
-from mjskip.engines import Engine, Motion, MujocoEngine, ReferenceEngine
+from mjskip.engines import Engine, Motion, MujocoEngine, ReferenceEngine, releases
 from mjskip.errors import MjskipWarning
 from mjskip.recording import Limits, Log
 from mjskip.reference import integrate
@@ -26,6 +26,7 @@ from mjskip.scene import Scene, load_scene
 from mjskip.stone import Stone, check_positive
 from mjskip.throw import Throw
 from mjskip.trajectory import Trajectory
+from mjskip.waves.lake import Lake
 from mjskip.waves.twoway import MovingSurface
 
 Array = npt.NDArray[np.float64]
@@ -132,6 +133,8 @@ def simulate_all(
     gravity = float(-scene.model.opt.gravity[2])
     lake = scene.lake() if surface == "waves" else None
     inside = lake.contains if lake is not None and lake.shape is not None else None
+    if lake is not None:
+        _doubt_lake(scene, lake, timestep, engine)
     logs = {
         name: Log(name, stone, scene.water_of(name), limits, gravity=gravity, inside=inside)
         for name, stone in scene.stones.items()
@@ -155,6 +158,8 @@ def simulate_all(
     thrown = {name: _thrown(scene, name, trajectories[name]) for name in scene.held}
     scene = replace(scene, throws={**scene.throws, **thrown})
     for name, trajectory in trajectories.items():
+        if own_dent and surface == "waves":
+            _doubt_energy(name, trajectory, gravity)
         trajectory.attributes.update(
             version=version("mjskip"),
             scene=str(scene.path),
@@ -197,6 +202,45 @@ def _doubt_timestep(name: str, stone: Stone, throw: Throw, timestep: float) -> N
             f"numerical; use at most {limit:.2g} s ({STEP_FRACTION:g} thickness / speed)",
             MjskipWarning,
             stacklevel=4,
+        )
+
+
+def _doubt_lake(scene: Scene, lake: Lake, timestep: float, engine: EngineName) -> None:
+    """Refuse a run that a lake cannot be part of."""
+    if timestep > lake.max_timestep:
+        raise ValueError(
+            f"time step {timestep:g} s is too long for the waves of {scene.path}: use at most "
+            f"{lake.max_timestep:.3g} s, or a larger spacing"
+        )
+    for name, start in releases(scene).items():
+        if not lake.contains(float(start.position[0]), float(start.position[1])):
+            (west, south), (nx, ny) = lake.place_of(0, 0), lake.shape or (0, 0)
+            east, north = lake.place_of(nx - 1, ny - 1)
+            raise ValueError(
+                f"{name!r} starts at ({start.position[0]:g}, {start.position[1]:g}), outside the walls of the lake of "
+                f"{scene.path}: x from {west:g} to {east:g} m, y from {south:g} to {north:g} m"
+            )
+    if engine == "reference" and scene.obstacles:
+        warnings.warn(
+            "the reference engine knows no contacts: its stones pass through land, and over still water there",
+            MjskipWarning,
+            stacklevel=3,
+        )
+
+
+def _doubt_energy(name: str, trajectory: Trajectory, gravity: float) -> None:
+    """Say if a stone got more energy from its own dent than it was thrown with."""
+    moving = 0.5 * (trajectory.P * trajectory.velocity + trajectory.L * trajectory.omega).sum(
+        axis=1
+    )
+    energy = moving + trajectory.mass * gravity * trajectory.x[:, 2]
+    if energy.max() > 1.01 * energy[0]:
+        k = int(energy.argmax())
+        warnings.warn(
+            f"{name!r} has {energy[k] / energy[0]:.3g} times the energy of its release at {trajectory.time[k]:.4g} s: "
+            "its own dent has driven it; take this run for wrong, and leave own_dent off",
+            MjskipWarning,
+            stacklevel=3,
         )
 
 

@@ -163,6 +163,7 @@ def test_slots_are_told_apart_after_many_wakings_and_sleepings():
         ({"spacing": -1.0}, "spacing is -1.0"),
         ({"sleep_amplitude": math.nan}, "sleep_amplitude is nan"),
         ({"centre": (math.inf, 0.0)}, "centre_x is inf"),
+        ({"land": np.zeros((64, 64), bool)}, "give a function of x"),
         ({"periodic": True}, "an endless lake cannot be periodic: give a shape"),
     ],
 )
@@ -178,3 +179,24 @@ def test_an_unstable_step_is_refused_as_in_the_dense_field():
         Lake().step(-1.0)
     with pytest.raises(ValueError, match="duration is nan"):
         Lake().advance(math.nan)
+
+
+def test_a_lake_absorbs_its_siblings_only():
+    lake = Lake()
+    for other in (lake, Lake(spacing=0.01), Lake((64, 64))):
+        with pytest.raises(ValueError, match=r"only a lake's sibling\(\)"):
+            lake.absorb(other)
+    lake.absorb(lake.sibling())
+
+
+@pytest.mark.parametrize("water", [Lake(), HeightField((10, 10))])
+def test_steps_that_round_to_nothing_or_never_end_are_refused(water):
+    with pytest.raises(ValueError, match=r"1e-100 s is lost in rounding: use at least 1\.73e-12 s"):
+        water.step(1e-100)
+    assert water.advance(1e-100) == 0
+    with pytest.raises(ValueError, match=r"that makes 5\.83e\+11 steps .* 1e\+10 are allowed"):
+        water.advance(1e10)
+    with pytest.raises(
+        ValueError, match=r"height is 1e\+39: give a number that single precision holds"
+    ):
+        water.displace(0.0, 0.0, height=1e39, radius=0.1)

@@ -10,7 +10,7 @@ import pytest
 from mjskip import HeightField, Limits, load_scene, simulate
 from mjskip.coupling.obstacles import Land, land_of
 from mjskip.engines import ReferenceEngine
-from mjskip.errors import SceneError
+from mjskip.errors import MjskipWarning, SceneError
 from mjskip.waves.lake import Lake
 from mjskip.waves.twoway import MovingSurface
 
@@ -166,3 +166,11 @@ def test_a_stone_that_flies_over_the_wall_of_its_lake_has_left_it(lake):
     assert run.x[-2, 0] <= -3.5 + 64 * 0.02
     # still water has no end
     assert simulate(small, limits=Limits(duration=2.0)).end != "left the lake"
+
+
+def test_the_pure_integrator_says_that_it_passes_through_land(world):
+    scene = replace(world(), grid={"shape": (256, 128), "spacing": 0.02})
+    with pytest.warns(MjskipWarning, match="knows no contacts: its stones pass through land"):
+        simulate(
+            scene, engine="reference", surface="waves", timestep=5e-4, limits=Limits(duration=0.01)
+        )

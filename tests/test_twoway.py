@@ -2,6 +2,7 @@
 
 import math
 import sys
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from mjskip import Limits, Stone, Throw, Water, load_scene, simulate
 from mjskip import _force_kernels as kernels
 from mjskip.attitude import matrices
 from mjskip.engines import MujocoEngine
+from mjskip.errors import MjskipWarning
 from mjskip.forces import observe, pack, pack_states
 from mjskip.reference import Integrator
 from mjskip.simulate import simulate_all
@@ -438,3 +440,35 @@ def test_many_throws_of_three_stones_leave_the_mean_level_and_the_memory_as_they
     assert reports[-1]["highest"] > 0.01
     # nine tiles, two levels, and two more for changes of step
     assert reports[-1]["water_bytes"] < 2e6
+
+
+def test_a_stone_that_its_own_dent_has_driven_is_doubted(lake):
+    throw = Throw.from_degrees(speed=12, spin=15, attack=30, descent=12, height=0.3)
+    with pytest.warns(
+        MjskipWarning, match=r"times the energy of its release at 1\.\d+ s: its own dent"
+    ):
+        simulate(lake, throw, surface="waves", own_dent=True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        simulate(lake, throw, surface="waves")
+
+
+def test_what_a_lake_cannot_take_is_refused_before_the_run(lake):
+    with (
+        pytest.raises(
+            ValueError, match=r"time step 0\.05 s is too long for the waves of .*at most 0\.0173 s"
+        ),
+        pytest.warns(MjskipWarning, match="too large"),
+    ):
+        simulate(lake, surface="waves", timestep=0.05)
+    walled = replace(lake, grid=lake.grid | {"shape": (128, 128), "boundary": "reflect"})
+    with pytest.raises(
+        ValueError,
+        match=r"'stone' starts at \(-4, 0\), outside the walls .* x from -1\.27 to 1\.27 m",
+    ):
+        simulate(walled, surface="waves")
+    fine = replace(lake, grid=lake.grid | {"spacing": 1e-6})
+    with pytest.raises(ValueError, match=r"covers \d+ x \d+ cells .* GB: use a larger spacing"):
+        simulate(fine, surface="waves", timestep=1e-7, limits=Limits(duration=0.01))
+    with pytest.warns(MjskipWarning, match=r"covers \d+ x \d+ cells of 0\.0001 m: that is slow"):
+        MovingSurface(Lake(spacing=1e-4), {"stone": pack(DISC, Water())})

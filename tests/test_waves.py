@@ -666,3 +666,11 @@ def test_values_that_are_not_finite_are_not_set():
         HeightField((10, 10)).set(math.nan)
     with pytest.raises(ValueError, match="height is nan"):
         wind_waves([0, 1], [0, 1], wave_speed=1.0, height=math.nan, wavelength=1.0)
+
+
+def test_a_file_that_was_cut_off_is_refused_by_name(tmp_path):
+    path = tmp_path / "water.npz"
+    HeightField((20, 20)).save(path)
+    path.write_bytes(path.read_bytes()[:300])
+    with pytest.raises(ValueError, match=r"holds no water surface.*HeightField\.save"):
+        HeightField.load(path)

@@ -13,6 +13,8 @@ Name = TypeVar("Name", bound=str)
 PAGE = 4096
 """Bytes: a processor takes two places that differ by whole pages for one until it has looked closely."""
 
+LARGEST = float(np.finfo(np.float32).max)
+
 APART = 1024
 """Bytes into a page at which the second of two grids starts, so that a store does not hold up loads."""
 
@@ -84,6 +86,12 @@ def checked_finite(unit: str, **values: float) -> None:
             raise ValueError(f"{name} is {value!r}: give a finite number [{unit}]")
 
 
+def checked_height(height: float) -> None:
+    """A finite number of metres that the surface can store."""
+    if not abs(height) <= LARGEST:
+        raise ValueError(f"height is {height!r}: give a number that single precision holds [m]")
+
+
 def checked_load(
     x: float,
     y: float,
@@ -100,7 +108,12 @@ def checked_load(
     checked_number("radius", radius, "m", positive=True)
     checked_number("density", density, "kg/m^3", positive=True)
     checked_number("gravity", gravity, "m/s^2", positive=True)
-    return force / (density * gravity * spacing**2)
+    volume = force / (density * gravity * spacing**2)
+    if not abs(volume) <= LARGEST:
+        raise ValueError(
+            f"force is {force!r} N on water of {density!r} kg/m^3: that is more than single precision holds"
+        )
+    return volume
 
 
 def checked_name(what: str, name: Name, allowed: tuple[Name, ...]) -> Name:

@@ -28,6 +28,12 @@ COURANT_LIMITS: dict[Stencil, float] = {
 SAFE_FRACTION = 0.99
 """Steps chosen here stay this far below the limit, where rounding cannot make short waves grow."""
 
+SMALLEST_STEP = 1e-10
+"""Smallest step that is taken, in largest ones."""
+
+MOST_STEPS = 1e10
+"""Most steps that one call makes: a small grid would take days for them."""
+
 SAME_STEP = 1e-9
 """Steps that differ by less, relatively, are one step written differently."""
 
@@ -61,6 +67,32 @@ def calming(old: float, new: float) -> float:
     12 cells loses a 400th at each such change, one of 24 cells a 6000th.
     """
     return min(1.0, 20.0 * abs(new - old) / max(new, old)) if old > 0.0 else 0.0
+
+
+def checked_step(timestep: float, limit: float, paper: float) -> None:
+    """Refuse a step that is unstable, or too small for anything to move but rounding errors [s]."""
+    if not (math.isfinite(timestep) and timestep > 0.0):
+        raise ValueError(f"the water's time step is {timestep!r} s: give a number above 0")
+    if timestep > limit:
+        raise ValueError(unstable(timestep, limit, paper))
+    if timestep < SMALLEST_STEP * limit:
+        raise ValueError(
+            f"the water's time step of {timestep:.6g} s is lost in rounding: use at least "
+            f"{SMALLEST_STEP * limit:.3g} s; {limit:.6g} s is the largest"
+        )
+
+
+def steps_for(duration: float, limit: float) -> int:
+    """Equal stable steps that make up a duration [s]; 0 if nothing could move in it."""
+    if not (math.isfinite(duration) and duration >= 0.0):
+        raise ValueError(f"duration is {duration!r} s: give a number of at least 0")
+    steps = duration / (SAFE_FRACTION * limit)
+    if steps > MOST_STEPS:
+        raise ValueError(
+            f"duration is {duration:g} s: that makes {steps:.3g} steps of at most {limit:.3g} s, and {MOST_STEPS:g} "
+            "are allowed; use a shorter duration, a larger spacing or slower waves"
+        )
+    return math.ceil(steps) if steps > SMALLEST_STEP else 0
 
 
 def unstable(timestep: float, limit: float, paper: float) -> str:

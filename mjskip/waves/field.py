@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 import numpy.typing as npt
@@ -10,6 +11,7 @@ import numpy.typing as npt
 from mjskip.waves import _wave_kernels as kernels
 from mjskip.waves._grid import (
     checked_finite,
+    checked_height,
     checked_load,
     checked_name,
     checked_number,
@@ -19,13 +21,13 @@ from mjskip.waves._grid import (
 from mjskip.waves._stencil import (
     BOUNDARIES,
     COURANT_LIMITS,
-    SAFE_FRACTION,
     STENCILS,
     Boundary,
     Stencil,
+    checked_step,
     paper_limit,
     reach_of,
-    unstable,
+    steps_for,
 )
 from mjskip.waves.dense import DenseWater, FloatArray, Head, SurfaceArray, round_head
 
@@ -264,7 +266,8 @@ class HeightField:
         Raises:
             ValueError: an argument is not finite, or radius is not positive.
         """
-        checked_finite("m", x=x, y=y, height=height)
+        checked_finite("m", x=x, y=y)
+        checked_height(height)
         checked_number("radius", radius, "m", positive=True)
         reach = reach_of(radius, self.spacing)
         east, north = (self.x[:, None] - x) / self.spacing, (self.y[None, :] - y) / self.spacing
@@ -309,12 +312,9 @@ class HeightField:
         """Advance by one step [s].
 
         Raises:
-            ValueError: the step is not a positive number, or larger than `max_timestep`.
+            ValueError: the step is not a positive number, larger than `max_timestep`, or lost in rounding.
         """
-        if not (math.isfinite(timestep) and timestep > 0.0):
-            raise ValueError(f"the water's time step is {timestep!r} s: give a number above 0")
-        if timestep > self.max_timestep:
-            raise ValueError(unstable(timestep, self.max_timestep, self.paper_max_timestep))
+        checked_step(timestep, self.max_timestep, self.paper_max_timestep)
         self._step(timestep)
         self._loads.clear()
 
@@ -325,11 +325,9 @@ class HeightField:
             Number of steps made.
 
         Raises:
-            ValueError: the duration is negative or not finite.
+            ValueError: the duration is negative, not finite, or more than ten thousand million steps.
         """
-        if not (math.isfinite(duration) and duration >= 0.0):
-            raise ValueError(f"duration is {duration!r} s: give a number of at least 0")
-        steps = math.ceil(duration / (SAFE_FRACTION * self.max_timestep))
+        steps = steps_for(duration, self.max_timestep)
         begun, left = self.time, steps
         while left:
             left -= self._water.steps(duration / steps, left, self._loads)
@@ -379,7 +377,7 @@ class HeightField:
             ValueError: the file is not there or is no water surface.
         """
         try:
-            with np.load(path, allow_pickle=False) as archive:
+            with open(path, "rb") as file, np.load(file, allow_pickle=False) as archive:
                 stored = {name: archive[name] for name in archive.files}
             field = cls(
                 tuple(stored["shape"].tolist()), float(stored["spacing"]),
@@ -391,7 +389,7 @@ class HeightField:
             field._water.prev[...] = stored["prev"]
             field._water.last_timestep = float(stored["last_timestep"])
             field.time = float(stored["time"])
-        except (OSError, KeyError, TypeError, ValueError, EOFError) as problem:
+        except (OSError, KeyError, TypeError, ValueError, EOFError, BadZipFile) as problem:
             raise ValueError(
                 f"{path} holds no water surface ({problem}): give a file that HeightField.save wrote"
             ) from problem

@@ -11,13 +11,19 @@ import numpy.typing as npt
 from mjskip.waves import FloatArray, SurfaceArray, SurfaceSample
 from mjskip.waves import _tile_kernels as tiles
 from mjskip.waves import _wave_kernels as kernels
-from mjskip.waves._grid import checked_finite, checked_load, checked_number, checked_shape
+from mjskip.waves._grid import (
+    checked_finite,
+    checked_height,
+    checked_load,
+    checked_number,
+    checked_shape,
+)
 from mjskip.waves._stencil import (
     COURANT_LIMITS,
-    SAFE_FRACTION,
+    checked_step,
     paper_limit,
     reach_of,
-    unstable,
+    steps_for,
 )
 from mjskip.waves.dense import Head, round_head
 from mjskip.waves.tiled import TILE, Shore, TiledWater
@@ -73,6 +79,11 @@ class Lake:
             near = tuple(max(1, round(n / TILE)) * TILE for n in size)
             raise ValueError(
                 f"shape is {size!r}: a lake is made of tiles of {TILE} cells; use {near!r}"
+            )
+        if land is not None and not callable(land):
+            raise ValueError(
+                "land must tell of any cells: give a function of x (n,) and y (m,) that returns (n, m), such as "
+                "mjskip.obstacles.Land(model)"
             )
         if periodic and size is None:
             raise ValueError("an endless lake cannot be periodic: give a shape")
@@ -232,7 +243,8 @@ class Lake:
 
     def displace(self, x: float, y: float, *, height: float, radius: float) -> None:
         """Raise the surface by a smooth round bump: see `HeightField.displace`."""
-        checked_finite("m", x=x, y=y, height=height)
+        checked_finite("m", x=x, y=y)
+        checked_height(height)
         checked_number("radius", radius, "m", positive=True)
         reach = reach_of(radius, self.spacing)
         at = (x - self.origin[0]) / self.spacing, (y - self.origin[1]) / self.spacing
@@ -264,7 +276,14 @@ class Lake:
         return other
 
     def absorb(self, other: Lake) -> None:
-        """Take the waves of a sibling that is at the same time, which is left still."""
+        """Take the waves of a sibling that is at the same time, which is left still.
+
+        Raises:
+            ValueError: the other lake is this one, or none of its siblings.
+        """
+        alike = ("shape", "period", "spacing", "wave_speed", "damping", "origin")
+        if other is self or any(getattr(other, name) != getattr(self, name) for name in alike):
+            raise ValueError("only a lake's sibling() can be absorbed by it")
         mine, theirs = self.water, other.water
         if theirs.last_timestep > 0.0 and mine.last_timestep != theirs.last_timestep:
             mine.retime(theirs.last_timestep)
@@ -374,14 +393,11 @@ class Lake:
         """Advance by one step [s].
 
         Raises:
-            ValueError: the step is not a positive number, or larger than `max_timestep`.
+            ValueError: the step is not a positive number, larger than `max_timestep`, or lost in rounding.
             MjskipError: the tiles that are awake no longer fit into memory.
         """
-        if not (math.isfinite(timestep) and timestep > 0.0):
-            raise ValueError(f"the water's time step is {timestep!r} s: give a number above 0")
-        if timestep > self.max_timestep:
-            paper = paper_limit(self.spacing, self.wave_speed, self.damping)
-            raise ValueError(unstable(timestep, self.max_timestep, paper))
+        limit = self.max_timestep
+        checked_step(timestep, limit, paper_limit(self.spacing, self.wave_speed, self.damping))
         self._step(timestep)
         self._loads.clear()
 
@@ -391,8 +407,7 @@ class Lake:
         Returns:
             Number of steps made.
         """
-        checked_number("duration", duration, "s")
-        steps = math.ceil(duration / (SAFE_FRACTION * self.max_timestep))
+        steps = steps_for(duration, self.max_timestep)
         for _ in range(steps):
             self._step(duration / steps)
         if steps:

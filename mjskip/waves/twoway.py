@@ -23,6 +23,7 @@ for the discrete step.
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -30,8 +31,10 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip import _force_kernels as kernels
+from mjskip.errors import MjskipWarning
 from mjskip.forces import immersion_address, observe, wrench_address
 from mjskip.waves import _tile_kernels as tiles
+from mjskip.waves._grid import free_memory
 from mjskip.waves._stencil import SAFE_FRACTION
 from mjskip.waves.dense import Head
 from mjskip.waves.lake import Lake
@@ -50,6 +53,9 @@ NEAR = 0.02
 
 STEPS_BETWEEN_MEASURES = 16
 """Steps between looks at how high the waves are, where water moves on step by step."""
+
+MANY_CELLS = 400
+"""Cells across a stone's patch beyond which a step takes longer than the water around it."""
 
 MARGIN = 3
 """Cells of a patch beyond the sphere about a stone: it moves during a step, and slopes need neighbours."""
@@ -346,6 +352,19 @@ class _Stone:
         self.radius = float(block[kernels.RADIUS])
         half = math.ceil(self.radius / lake.spacing) + MARGIN
         self.side = side = 2 * half + 1
+        size = 16 * side * side
+        if size > 0.9 * free_memory():
+            raise ValueError(
+                f"a stone of {self.radius:g} m covers {side} x {side} cells of {lake.spacing:g} m, and the surface "
+                f"under it would take {size / 1e9:.3g} GB: use a larger spacing"
+            )
+        if side > MANY_CELLS:
+            warnings.warn(
+                f"a stone of {self.radius:g} m covers {side} x {side} cells of {lake.spacing:g} m: that is slow; a "
+                "larger spacing would do",
+                MjskipWarning,
+                stacklevel=2,
+            )
         self._patch = np.zeros(kernels.PATCH_POINTS + 2 * side**2)
         self._points = self._patch[kernels.PATCH_POINTS :].reshape(2, side, side)
         self._patch[kernels.PATCH_RATE] = 1.0 / lake.spacing
