@@ -21,6 +21,7 @@ from mjskip.waves._grid import (
 from mjskip.waves._stencil import (
     BOUNDARIES,
     COURANT_LIMITS,
+    SMALLEST_STEP,
     STENCILS,
     Boundary,
     Stencil,
@@ -314,7 +315,9 @@ class HeightField:
         Raises:
             ValueError: the step is not a positive number, larger than `max_timestep`, or lost in rounding.
         """
-        checked_step(timestep, self.max_timestep, self.paper_max_timestep)
+        limit = self.max_timestep
+        if not SMALLEST_STEP * limit <= timestep <= limit:
+            checked_step(timestep, limit, self.paper_max_timestep)
         self._step(timestep)
         self._loads.clear()
 
