@@ -6,23 +6,20 @@ import copy
 import ctypes
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from functools import cache
 from types import TracebackType
 from typing import Protocol
 
 import mujoco
 import numpy as np
 import numpy.typing as npt
-from numba import types
 
-from mjskip._jit import native
-from mjskip._native import F8P, address_of_cfunc
 from mjskip._rigid_kernels import STATE, free_motion, hop
 from mjskip.attitude import matrices
 from mjskip.coupling._layout import library
 from mjskip.coupling.attach import Coupling, attach
 from mjskip.coupling.bodies import find_body
 from mjskip.errors import DivergedError, SceneError
+from mjskip.forces import entry_address
 from mjskip.reference import METHODS, Integrator
 from mjskip.scene import Scene
 from mjskip.throw import State
@@ -195,7 +192,7 @@ class MujocoEngine:
             self._qvel.ctypes.data,
         ]
         centre = body.centre.astype(np.float64).view(np.int64).tolist()
-        return hop_address(), np.array([*words, *centre], np.int64).view(np.float64)
+        return entry_address(hop), np.array([*words, *centre], np.int64).view(np.float64)
 
     def __exit__(
         self,
@@ -260,18 +257,6 @@ class _FreeBody:
         states = np.empty((len(qpos), STATE))
         free_motion(qpos[:, self._q], qvel[:, self._v], self.centre, states)
         return states
-
-
-@cache
-def hop_address() -> int:
-    """Address of the compiled `_rigid_kernels.hop`."""
-    function = native(types.void(F8P, F8P, F8P))(hop)
-    _alive.append(function)
-    return address_of_cfunc(function)
-
-
-_alive: list[object] = []
-"""Compiled C functions, kept for the life of the process: others hold their addresses."""
 
 
 @contextmanager

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -133,20 +135,22 @@ def observe(block: Array, states: Array) -> Array:
     return out
 
 
-@cache
 def wrench_address() -> int:
     """Address of the compiled kernel, void(block*, state*, out*): what both engines call."""
-    function = native(types.void(F8P, F8P, F8P))(kernels._entry)
-    _alive.append(function)
-    return address_of_cfunc(function)
+    return entry_address(kernels._entry)
+
+
+def immersion_address() -> int:
+    """The same for the five numbers that `observe` adds to the wrench."""
+    return entry_address(kernels._immersion_entry)
 
 
 @cache
-def immersion_address() -> int:
-    """The same for the five numbers that `observe` adds to the wrench."""
-    function = native(types.void(F8P, F8P, F8P))(kernels._immersion_entry)
-    _alive.append(function)
-    return address_of_cfunc(function)
+def entry_address(function: Callable[[Any, Any, Any], None]) -> int:
+    """Address of a function compiled as void(double*, double*, double*)."""
+    compiled = native(types.void(F8P, F8P, F8P))(function)
+    _alive.append(compiled)
+    return address_of_cfunc(compiled)
 
 
 _alive: list[object] = []

@@ -68,14 +68,11 @@ def row(
     first = run.contacts[0]
     out = first.exit
     return {
-        "throw": name,
         "surface": surface if surface == "still" else ("own dent" if own_dent else "others'"),
-        "spacing_cm": 100 * spacing,
         "skips": run.skips,
         "contact_ms": 1e3 * (out.time - first.entry.time) if out else float("nan"),
         "depth_mm": 1e3 * first.depth,
         "exit_vz": out.velocity[2] if out else float("nan"),
-        "end": run.end,
     }
 
 

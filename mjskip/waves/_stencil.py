@@ -52,6 +52,17 @@ anywhere in the field, 0.35 keeps the reflected energy under 0.5%, 6 lets 2% of 
 """
 
 
+def coefficients(rate: float, damping: float, timestep: float) -> tuple[float, float]:
+    """q and s of a step, see `_wave_kernels`; rate = c / d and damping [1/s], timestep [s]."""
+    m = 0.5 * damping * timestep
+    return (1.0 - m) / (1.0 + m), (rate * timestep) ** 2 / (1.0 + m)
+
+
+def same_step(one: float, other: float) -> bool:
+    """Whether two steps [s] are one written differently."""
+    return abs(other - one) <= SAME_STEP * other
+
+
 def paper_limit(spacing: float, wave_speed: float, damping: float) -> float:
     """Largest step by equation (9), c < (d / 2t) sqrt(mu t + 2) [s]: too generous for mu > 0."""
     rate = (wave_speed / spacing) ** 2

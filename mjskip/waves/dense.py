@@ -12,12 +12,13 @@ from mjskip.waves import _wave_kernels as kernels
 from mjskip.waves._grid import APART, aligned_zeros, refuse_if_too_large
 from mjskip.waves._stencil import (
     COURANT_LIMITS,
-    SAME_STEP,
     SPONGE_CELLS,
     WEIGHTS,
     Boundary,
     Stencil,
     calming,
+    coefficients,
+    same_step,
     sponge,
 )
 from mjskip.waves._tile_kernels import fill_head
@@ -120,7 +121,7 @@ class DenseWater:
             self.step(timestep, heads)
             return 1
         self._retime(timestep)
-        self._sweep_deep(*self._weights(timestep), depth)
+        self._sweep_deep(*coefficients(self._rate, self._damping, timestep), depth)
         return depth
 
     def step(self, timestep: float, heads: Sequence[Head]) -> None:
@@ -135,7 +136,7 @@ class DenseWater:
         elif self.stencil == "paper_eq8":
             self._sweep_printed(m, r)
         else:
-            self._sweep(*self._weights(timestep), self.margin)
+            self._sweep(*coefficients(self._rate, self._damping, timestep), self.margin)
             if self.margin:
                 self._sweep_margin(m, r, timestep)
         self.z, self.prev = self.prev, self.z
@@ -158,7 +159,7 @@ class DenseWater:
         own form with other coefficients. Water that has not moved yet (t0 = 0) starts at rest.
         """
         t0, t1, rate2 = self.last_timestep, timestep, self._rate**2
-        if abs(t1 - t0) <= SAME_STEP * t1:
+        if same_step(t0, t1):
             return
         self.last_timestep = t1
         if t0 == 0.0:
@@ -185,11 +186,6 @@ class DenseWater:
             self._sweep_masked(q, 0.0, s, 0.0)
         else:
             self._sweep(q, s, 0)
-
-    def _weights(self, timestep: float) -> tuple[float, float]:
-        """q and s of the plain step."""
-        m = 0.5 * self._damping * timestep
-        return (1.0 - m) / (1.0 + m), (self._rate * timestep) ** 2 / (1.0 + m)
 
     def _fill_ghosts(self, timestep: float, *, plain: bool = False) -> None:
         mirrored = plain and self.code == kernels.OUTGOING

@@ -158,7 +158,7 @@ class Lake:
         """Whether a point is inside the walls."""
         if self.shape is None:
             return True
-        at = (x - self.origin[0]) / self.spacing, (y - self.origin[1]) / self.spacing
+        at = self.cell_at(x, y)
         return all(-0.5 <= p <= n - 0.5 for p, n in zip(at, self.shape, strict=True))
 
     def window(
@@ -247,7 +247,7 @@ class Lake:
         checked_height(height)
         checked_number("radius", radius, "m", positive=True)
         reach = reach_of(radius, self.spacing)
-        at = (x - self.origin[0]) / self.spacing, (y - self.origin[1]) / self.spacing
+        at = self.cell_at(x, y)
         span = [np.arange(math.ceil(p - reach), math.floor(p + reach) + 1) for p in at]
         distance = (span[0][:, None] - at[0]) ** 2 + (span[1][None, :] - at[1]) ** 2
         bump = (height * np.maximum(1.0 - distance / reach**2, 0.0) ** 2).astype(np.float32)

@@ -11,7 +11,7 @@ from mjskip.waves import SurfaceArray
 from mjskip.waves import _tile_kernels as tiles
 from mjskip.waves import _wave_kernels as kernels
 from mjskip.waves._grid import APART, aligned_zeros, free_memory
-from mjskip.waves._stencil import COURANT_LIMITS, SAME_STEP, WEIGHTS, calming
+from mjskip.waves._stencil import COURANT_LIMITS, WEIGHTS, calming, coefficients, same_step
 from mjskip.waves.dense import Head
 
 TILE = tiles.TILE
@@ -121,12 +121,11 @@ class TiledWater:
 
     def coefficients(self, timestep: float) -> tuple[float, float]:
         """q and s of a step."""
-        m = 0.5 * self._damping * timestep
-        return (1.0 - m) / (1.0 + m), (self._rate * timestep) ** 2 / (1.0 + m)
+        return coefficients(self._rate, self._damping, timestep)
 
     def weights(self, timestep: float) -> tuple[float, float]:
         """What edges and corners of a head add to the elevation in one step."""
-        scale = (self._rate * timestep) ** 2 / (1.0 + 0.5 * self._damping * timestep)
+        _, scale = self.coefficients(timestep)
         return _EDGE * scale, _CORNER * scale
 
     def step(self, timestep: float, heads: Iterable[Head] = ()) -> None:
@@ -152,7 +151,7 @@ class TiledWater:
 
     def keeps_step(self, timestep: float) -> bool:
         """Whether the last step was as long as this [s]."""
-        return abs(timestep - self.last_timestep) <= SAME_STEP * timestep
+        return same_step(self.last_timestep, timestep)
 
     @property
     def steps_till_bedtime(self) -> int:
