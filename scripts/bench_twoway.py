@@ -20,10 +20,10 @@ import mujoco
 import numpy as np
 
 from mjskip import HeightField, Limits, Throw, Water, load_scene, simulate
-from mjskip.engines import MujocoEngine
-from mjskip.reference import Integrator
-from mjskip.scene import Scene
-from mjskip.stone import Stone
+from mjskip.hydro.stone import Stone
+from mjskip.throws.engines import MujocoEngine
+from mjskip.throws.reference import Integrator
+from mjskip.throws.scene import Scene
 from mjskip.waves.lake import Lake
 from mjskip.waves.twoway import MovingSurface
 

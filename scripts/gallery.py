@@ -24,7 +24,7 @@ from mjskip.draw.overlay import caption, numbers_at
 from mjskip.draw.plot import plot_runs
 from mjskip.draw.render import Shot, frames, shot_times
 from mjskip.draw.video import Image, write_video
-from mjskip.simulate import simulate_all
+from mjskip.throws.simulate import simulate_all
 
 DOCS = Path(__file__).parent.parent / "docs"
 SHARP = 2  # pictures are drawn this much larger and shrunk: edges are smooth

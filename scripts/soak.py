@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from mjskip import Throw, Water
-from mjskip.reference import Integrator
-from mjskip.stone import Stone
+from mjskip.hydro.stone import Stone
+from mjskip.throws.reference import Integrator
 from mjskip.waves.lake import Lake
 from mjskip.waves.twoway import MovingSurface
 

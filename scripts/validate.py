@@ -30,7 +30,7 @@ sys.path.insert(0, str(HERE / "validation"))
 
 from _common import plain  # noqa: E402
 
-from mjskip.laws import LAWS  # noqa: E402
+from mjskip.hydro.laws import LAWS  # noqa: E402
 
 QUESTIONS = (
     "oracle",

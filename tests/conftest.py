@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from mjskip import Limits, Stone, Throw, Water, integrate
-from mjskip.scene import load_scene
+from mjskip.throws.scene import load_scene
 
 settings.register_profile("mjskip", deadline=None, database=None, derandomize=True, max_examples=40)
 settings.load_profile("mjskip")

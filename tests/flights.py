@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from mjskip.scene import load_scene
-from mjskip.trajectory import Trajectory
+from mjskip.throws.scene import load_scene
+from mjskip.throws.trajectory import Trajectory
 
 SMALL = (160, 120)
 

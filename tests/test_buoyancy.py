@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mjskip import Stone, Water, attach, wrench
-from mjskip.attitude import matrices
-from mjskip.forces import observe, pack, pack_states
+from mjskip.hydro.wrench import observe, pack, pack_states
+from mjskip.rigid.attitude import matrices
 
 FLOATING = Water(buoyancy=True, skin_friction=True, gate="local")
 STILL = Water(buoyancy=True)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from mjskip import Limits, simulate
-from mjskip.comparison import compare, observed_order
 from mjskip.errors import MjskipWarning
+from mjskip.throws.comparison import compare, observed_order
 
 pytestmark = pytest.mark.filterwarnings("ignore:time step .* is too large")
 """A ladder begins with steps that are too large: they show the order."""

@@ -13,11 +13,11 @@ import pytest
 from mujoco import batch, rollout
 
 from mjskip import Limits, Stone, Water, attach, integrate, load_scene
-from mjskip.attitude import difference, matrices
 from mjskip.coupling._control_kernels import library
 from mjskip.coupling.bodies import body_stone
 from mjskip.errors import DivergedError, MeshError, MjskipWarning, SceneError
-from mjskip.throw import State
+from mjskip.rigid.attitude import difference, matrices
+from mjskip.throws.throw import State
 
 SLOT = ctypes.c_void_p.in_dll(library, "mjcb_control")
 INTEGRATORS = ("Euler", "implicit", "implicitfast", "RK4")

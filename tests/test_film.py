@@ -13,9 +13,9 @@ from mjskip.draw.film import compose, duel_of, render_duel, render_strip
 from mjskip.draw.optics import Eye
 from mjskip.draw.overlay import Overlay, caption, numbers_at
 from mjskip.draw.render import Shot, followed, shot_times
-from mjskip.recording import Limits
-from mjskip.scene import load_scene
-from mjskip.simulate import simulate_all
+from mjskip.throws.recording import Limits
+from mjskip.throws.scene import load_scene
+from mjskip.throws.simulate import simulate_all
 
 
 @pytest.fixture(scope="module")

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
 from mjskip import Stone, Water, wrench
-from mjskip._force_kernels import immersed_part
-from mjskip.laws import LAWS
-from mjskip.water import GATES
+from mjskip.hydro._wrench_kernels import immersed_part
+from mjskip.hydro.laws import LAWS
+from mjskip.hydro.water import GATES
 
 waters = st.builds(Water, gate=st.sampled_from(GATES), law=st.sampled_from(list(LAWS)))
 centred = st.builds(  # laws whose load acts at the centroid: a strip that begins at the front does not split

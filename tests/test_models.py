@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from mjskip.stone import Stone
+from mjskip.hydro.stone import Stone
 
 MODELS = Path(__file__).parent.parent / "models"
 SCENES = ("lake", "duel", "clanet_disc")

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from mjskip import HeightField, Limits, load_scene, simulate
-from mjskip.coupling.obstacles import Land, land_of
-from mjskip.engines import ReferenceEngine
+from mjskip.coupling.terrain import Land, land_of
 from mjskip.errors import MjskipWarning, SceneError
+from mjskip.throws.engines import ReferenceEngine
 from mjskip.waves.lake import Lake
 from mjskip.waves.twoway import MovingSurface
 

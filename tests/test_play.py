@@ -25,7 +25,7 @@ from mjskip.play.player import AFTER, MOST_AT_ONCE, Pace, Player, Replay, pose
 from mjskip.play.settings import Settings
 from mjskip.play.surface import EVEN, HORIZON, SHAPE, DrawnWater, axis
 from mjskip.play.thrown import Shelf, table, turned
-from mjskip.scene import load_scene
+from mjskip.throws.scene import load_scene
 from mjskip.waves.lake import Lake
 
 PATIENCE = 120.0  # [s]: only a hang takes longer, even where other work fills the machine

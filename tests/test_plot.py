@@ -10,8 +10,8 @@ from flights import flight
 from mjskip.cli.plot import plot
 from mjskip.draw.plot import energy_budget, plot_runs, tilts
 from mjskip.errors import MjskipError
-from mjskip.simulate import simulate
-from mjskip.throw import Throw
+from mjskip.throws.simulate import simulate
+from mjskip.throws.throw import Throw
 
 
 @pytest.fixture(scope="module")

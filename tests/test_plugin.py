@@ -15,7 +15,7 @@ import pytest
 from mujoco import batch, rollout
 
 from mjskip import Water, attach, register_plugin, wrench
-from mjskip.coupling import _layout as layout
+from mjskip.coupling import _struct_layout as layout
 from mjskip.coupling import plugin as plugin_module
 from mjskip.coupling.bodies import body_stone
 from mjskip.coupling.plugin import plugin_water

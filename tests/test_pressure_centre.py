@@ -10,7 +10,7 @@ import trimesh
 from scipy.integrate import quad
 
 from mjskip import Limits, Stone, Throw, Water, integrate, wrench
-from mjskip.laws import LAWS
+from mjskip.hydro.laws import LAWS
 
 FORWARD = [name for name, law in LAWS.items() if law.forward]
 

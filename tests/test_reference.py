@@ -8,10 +8,10 @@ import trimesh
 from conftest import GRAVITY, rotation, twin
 
 from mjskip import Limits, Stone, Throw, Water, integrate
-from mjskip.attitude import angles, difference, matrices
-from mjskip.comparison import observed_order
 from mjskip.errors import DivergedError
-from mjskip.throw import State
+from mjskip.rigid.attitude import angles, difference, matrices
+from mjskip.throws.comparison import observed_order
+from mjskip.throws.throw import State
 
 NO_AIR = Water(air_density=0.0)
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])

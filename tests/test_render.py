@@ -9,7 +9,7 @@ from flights import SMALL, flight, small
 from mjskip.draw import render, stage
 from mjskip.draw.skin import Grid
 from mjskip.errors import SceneError
-from mjskip.simulate import simulate_all
+from mjskip.throws.simulate import simulate_all
 
 
 def picture(

@@ -8,7 +8,7 @@ import pytest
 
 from mjskip import HeightField, Stone, Throw, Water, load_scene
 from mjskip.errors import MeshError, SceneError
-from mjskip.scene import shipped_scenes
+from mjskip.throws.scene import shipped_scenes
 
 BODY = '<body name="stone" pos="0 0 1"><freejoint/><geom type="box" size=".05 .05 .01"/></body>'
 

@@ -7,12 +7,12 @@ import pytest
 from conftest import rotation
 
 from mjskip import Limits, Stone, Throw, Water, load_scene, simulate
-from mjskip.attitude import difference
-from mjskip.engines import MujocoEngine
 from mjskip.errors import DivergedError, MjskipWarning, SceneError
-from mjskip.forces import observe, pack, pack_states
-from mjskip.recording import Log, find_contacts
-from mjskip.simulate import largest_timestep, simulate_all
+from mjskip.hydro.wrench import observe, pack, pack_states
+from mjskip.rigid.attitude import difference
+from mjskip.throws.engines import MujocoEngine
+from mjskip.throws.recording import Log, find_contacts
+from mjskip.throws.simulate import largest_timestep, simulate_all
 
 DURATION = 0.12
 

@@ -16,12 +16,12 @@ import mjskip.sweeps.sweep as sweep_module
 from mjskip import Limits, Stone, Throw, Water, integrate, simulate
 from mjskip.cli import cli, main
 from mjskip.errors import MjskipError, MjskipWarning
-from mjskip.scene import load_scene
 from mjskip.sweeps.design import Design, latin_hypercube, normal, span
 from mjskip.sweeps.job import RESULTS, WORDS, stretched
 from mjskip.sweeps.plot import plot_sweep
 from mjskip.sweeps.store import open_sweep
 from mjskip.sweeps.sweep import chunk_shape, sweep
+from mjskip.throws.scene import load_scene
 
 PEBBLE = Stone.pebble()
 SHORT = Limits(duration=0.4)

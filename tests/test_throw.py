@@ -9,7 +9,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from mjskip import Stone, Throw
-from mjskip.attitude import angles, difference, matrices, quaternions
+from mjskip.rigid.attitude import angles, difference, matrices, quaternions
 
 PEBBLE = Stone.pebble()
 tilts = st.floats(-1.3, 1.3)

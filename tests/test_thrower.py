@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from mjskip import Limits, Stone, load_scene, simulate
-from mjskip.coupling.arm import Arm
 from mjskip.errors import SceneError
-from mjskip.simulate import simulate_all
+from mjskip.throws.arm import Arm
+from mjskip.throws.simulate import simulate_all
 
 MODELS = Path(__file__).parent.parent / "models"
 THROWER = MODELS / "thrower.xml"

@@ -14,14 +14,14 @@ from hypothesis import strategies as st
 from scipy.fft import dctn
 
 from mjskip import Limits, Stone, Throw, Water, load_scene, simulate
-from mjskip import _force_kernels as kernels
-from mjskip.attitude import matrices
-from mjskip.engines import MujocoEngine
 from mjskip.errors import MjskipWarning
-from mjskip.forces import observe, pack, pack_states
-from mjskip.reference import Integrator
-from mjskip.simulate import simulate_all
-from mjskip.throw import State
+from mjskip.hydro import _wrench_kernels as kernels
+from mjskip.hydro.wrench import observe, pack, pack_states
+from mjskip.rigid.attitude import matrices
+from mjskip.throws.engines import MujocoEngine
+from mjskip.throws.reference import Integrator
+from mjskip.throws.simulate import simulate_all
+from mjskip.throws.throw import State
 from mjskip.waves._tile_kernels import largest_share
 from mjskip.waves.lake import Lake
 from mjskip.waves.twoway import MovingSurface

@@ -16,9 +16,9 @@ import pytest
 from mjskip.cli import main
 from mjskip.draw.skin import Grid, add_water
 from mjskip.draw.view import _Show, check_display, view
-from mjskip.engines import MujocoEngine
 from mjskip.errors import RenderError
-from mjskip.scene import load_scene
+from mjskip.throws.engines import MujocoEngine
+from mjskip.throws.scene import load_scene
 
 PATIENCE = 120.0  # [s]: only a hang takes longer
 REQUIRED = os.environ.get("MJSKIP_REQUIRE_BROWSER")
@@ -138,7 +138,7 @@ def show_of(name, surface="still"):
 
 @pytest.mark.parametrize("surface", ["still", "waves"])
 def test_the_stone_in_the_viewer_flies_as_in_a_run_and_the_water_moves(lake, surface):
-    from mjskip import simulate
+    from mjskip.throws import simulate
 
     flight = simulate(lake, surface=surface)
     touch = flight.contacts[0]
@@ -160,7 +160,7 @@ def test_the_stone_in_the_viewer_flies_as_in_a_run_and_the_water_moves(lake, sur
 
 
 def test_the_water_of_the_viewer_gets_what_the_stone_took(lake):
-    from mjskip import simulate
+    from mjskip.throws import simulate
 
     flight = simulate(lake)
     touch = flight.contacts[0]

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from flights import flight
 
+from mjskip.throws.wake import Wake
 from mjskip.waves import HeightField
-from mjskip.waves.wake import Wake
 
 
 class Ledger:

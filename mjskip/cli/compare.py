@@ -13,9 +13,9 @@ from rich.table import Table
 
 from mjskip import __version__
 from mjskip.cli.options import chosen_scene, throw_options
-from mjskip.comparison import LADDER, Comparison
-from mjskip.comparison import compare as compare_solvers
-from mjskip.simulate import largest_timestep
+from mjskip.throws.comparison import LADDER, Comparison
+from mjskip.throws.comparison import compare as compare_solvers
+from mjskip.throws.simulate import largest_timestep
 
 out = Console(highlight=False)
 err = Console(stderr=True, highlight=False)

@@ -33,8 +33,8 @@ from mjskip.draw.render import (
     render_video,
 )
 from mjskip.draw.video import check_folder, check_video_path
-from mjskip.scene import Scene
-from mjskip.trajectory import Trajectory
+from mjskip.throws.scene import Scene
+from mjskip.throws.trajectory import Trajectory
 
 F = TypeVar("F", bound=Callable[..., Any])
 FILE = click.Path(path_type=Path)

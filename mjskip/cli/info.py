@@ -14,7 +14,7 @@ from rich.table import Table
 from mjskip.draw.render import gl_renderer, is_software
 from mjskip.draw.video import ffmpeg
 from mjskip.errors import MjskipError
-from mjskip.scene import shipped_scenes
+from mjskip.throws.scene import shipped_scenes
 
 
 @click.command()

@@ -15,9 +15,9 @@ from rich.table import Table
 from mjskip import __version__
 from mjskip.cli.options import chosen_scene, throw_options
 from mjskip.cli.sweep import bar, number, pair, shown
-from mjskip.recording import Limits
 from mjskip.sweeps.optimize import GOALS, HAND, Best
 from mjskip.sweeps.optimize import optimize as search
+from mjskip.throws.recording import Limits
 
 out = Console(highlight=False)
 err = Console(stderr=True, highlight=False)

@@ -9,9 +9,9 @@ from typing import Any, TypeVar
 
 import click
 
-from mjskip.laws import LAWS
-from mjskip.scene import Scene, load_scene
-from mjskip.water import GATES
+from mjskip.hydro.laws import LAWS
+from mjskip.hydro.water import GATES
+from mjskip.throws.scene import Scene, load_scene
 
 F = TypeVar("F", bound=Callable[..., Any])
 TURN = 2.0 * math.pi

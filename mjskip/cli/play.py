@@ -10,7 +10,7 @@ from typing import Any
 import click
 from rich.console import Console
 
-from mjskip.scene import load_scene
+from mjskip.throws.scene import load_scene
 
 out = Console(highlight=False, soft_wrap=True)
 err = Console(stderr=True, highlight=False)

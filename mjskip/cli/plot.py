@@ -11,7 +11,7 @@ from mjskip.draw.plot import plot_runs
 from mjskip.sweeps.job import RESULTS
 from mjskip.sweeps.plot import plot_sweep
 from mjskip.sweeps.store import is_sweep, open_sweep
-from mjskip.trajectory import Trajectory
+from mjskip.throws.trajectory import Trajectory
 
 err = Console(stderr=True, highlight=False)
 

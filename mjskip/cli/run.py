@@ -15,11 +15,11 @@ from mjskip import __version__
 from mjskip.cli.filming import FILMING, check_film, check_stage, film, film_options
 from mjskip.cli.options import chosen_scene, throw_options
 from mjskip.draw.video import check_folder
-from mjskip.recording import Limits
-from mjskip.scene import Scene
-from mjskip.simulate import ENGINES, SURFACES, simulate_all
-from mjskip.throw import Throw
-from mjskip.trajectory import Trajectory
+from mjskip.throws.recording import Limits
+from mjskip.throws.scene import Scene
+from mjskip.throws.simulate import ENGINES, SURFACES, simulate_all
+from mjskip.throws.throw import Throw
+from mjskip.throws.trajectory import Trajectory
 
 out = Console(highlight=False)
 err = Console(stderr=True, highlight=False)

@@ -25,13 +25,13 @@ from rich.progress import (
 from rich.text import Text
 
 from mjskip.cli.options import THROW, chosen_scene, throw_options
-from mjskip.recording import Limits
-from mjskip.simulate import ENGINES
 from mjskip.sweeps.batch import AIRS
 from mjskip.sweeps.design import NAMED, PARAMETERS, latin_hypercube, normal, span
 from mjskip.sweeps.plot import check_picture, plot_sweep
 from mjskip.sweeps.sweep import CHUNK
 from mjskip.sweeps.sweep import sweep as run_sweep
+from mjskip.throws.recording import Limits
+from mjskip.throws.simulate import ENGINES
 
 out = Console(highlight=False)
 err = Console(stderr=True, highlight=False)

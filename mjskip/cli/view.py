@@ -10,7 +10,7 @@ from rich.console import Console
 
 from mjskip.cli.options import chosen_scene, throw_options
 from mjskip.draw.view import view as show
-from mjskip.simulate import SURFACES
+from mjskip.throws.simulate import SURFACES
 
 err = Console(stderr=True, highlight=False)
 

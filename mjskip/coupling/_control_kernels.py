@@ -22,7 +22,7 @@ import numpy as np
 from llvmlite import binding
 from numba import types
 
-from mjskip._native import as_doubles, as_words, call_address, stack_doubles, symbol
+from mjskip._compile.pointers import as_doubles, as_words, call_address, stack_doubles, symbol
 
 WRENCH, PREVIOUS, MAP = 0, 1, 2
 SLOTS, PAIRS = 0, 1

@@ -21,8 +21,8 @@ import numpy as np
 from llvmlite import binding, ir
 from numba import types
 
-from mjskip._jit import kernel
-from mjskip._native import (
+from mjskip._compile.jit import kernel
+from mjskip._compile.pointers import (
     as_doubles,
     as_words,
     call_address,
@@ -30,7 +30,7 @@ from mjskip._native import (
     stack_doubles,
     symbol,
 )
-from mjskip.coupling._layout import library
+from mjskip.coupling._struct_layout import library
 
 WRENCH, IMMERSION, BUILDER, TABLE, GRAVITY, MEMBERS = 0, 1, 2, 3, 4, 5
 SLOTS, PAIRS = 0, 1

@@ -18,15 +18,15 @@ import numpy as np
 import numpy.typing as npt
 from numba import types
 
-from mjskip._jit import native as compile_native
-from mjskip._native import address_of_cfunc
+from mjskip._compile.jit import native as compile_native
+from mjskip._compile.pointers import address_of_cfunc
 from mjskip.coupling import _control_kernels as tables
 from mjskip.coupling.bodies import body_name, body_stone, find_body, free_bodies
 from mjskip.coupling.plugin import plugin_water
 from mjskip.errors import DivergedError, MjskipWarning, SceneError
-from mjskip.forces import Wrench, pack, pack_states, wrench_address, wrench_of
-from mjskip.stone import Stone
-from mjskip.water import Water
+from mjskip.hydro.stone import Stone
+from mjskip.hydro.water import Water
+from mjskip.hydro.wrench import Wrench, pack, pack_states, wrench_address, wrench_of
 
 
 @dataclass(frozen=True, eq=False)

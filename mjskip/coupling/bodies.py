@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 import trimesh
 
-from mjskip.attitude import matrices
 from mjskip.errors import MeshError, SceneError
-from mjskip.stone import Stone, closed_mesh
+from mjskip.hydro.stone import Stone, closed_mesh
+from mjskip.rigid.attitude import matrices
 
 Array = npt.NDArray[np.float64]
 

@@ -27,15 +27,15 @@ import numpy as np
 import numpy.typing as npt
 from numba import types
 
-from mjskip._jit import native
-from mjskip._native import address_of_cfunc
-from mjskip.coupling import _layout
+from mjskip._compile.jit import native
+from mjskip._compile.pointers import address_of_cfunc
 from mjskip.coupling import _plugin_kernels as kernels
-from mjskip.coupling._layout import library
+from mjskip.coupling import _struct_layout as _layout
+from mjskip.coupling._struct_layout import library
 from mjskip.coupling.bodies import body_stone
 from mjskip.errors import MjskipError
-from mjskip.forces import immersion_address, pack, wrench_address
-from mjskip.water import Water
+from mjskip.hydro.water import Water
+from mjskip.hydro.wrench import immersion_address, pack, wrench_address
 
 NAME = "mjskip.water"
 KEYS = tuple(field.name for field in fields(Water))

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from mjskip._jit import kernel
+from mjskip._compile.jit import kernel
 
 Array = npt.NDArray[np.float64]
 SingleArray = npt.NDArray[np.float32]

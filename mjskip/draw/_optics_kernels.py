@@ -5,7 +5,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from mjskip._jit import picture_kernel as kernel
+from mjskip._compile.jit import picture_kernel as kernel
 
 Array = npt.NDArray[np.float64]
 SingleArray = npt.NDArray[np.float32]

@@ -10,7 +10,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from mjskip._jit import picture_kernel as kernel
+from mjskip._compile.jit import picture_kernel as kernel
 from mjskip.draw._optics_kernels import (
     AWAY,
     INDEX,

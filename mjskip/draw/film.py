@@ -14,10 +14,10 @@ from mjskip.draw.overlay import caption
 from mjskip.draw.render import Flights, Shot, frames, shot_times
 from mjskip.draw.video import Image, Progress, check_folder, check_video_path, write_video
 from mjskip.files import whole_file
-from mjskip.trajectory import Trajectory
+from mjskip.throws.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from mjskip.scene import Scene
+    from mjskip.throws.scene import Scene
 
 Array = npt.NDArray[np.float64]
 

@@ -8,11 +8,11 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from mjskip.attitude import matrices
 from mjskip.draw._draw_kernels import stroke
 from mjskip.draw.optics import Eye
 from mjskip.draw.video import Image
-from mjskip.trajectory import Trajectory
+from mjskip.rigid.attitude import matrices
+from mjskip.throws.trajectory import Trajectory
 
 Array = npt.NDArray[np.float64]
 

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from mjskip.attitude import angles, matrices
 from mjskip.errors import MjskipError
 from mjskip.files import whole_file
-from mjskip.trajectory import Trajectory
+from mjskip.rigid.attitude import angles, matrices
+from mjskip.throws.trajectory import Trajectory
 
 Array = npt.NDArray[np.float64]
 

@@ -31,11 +31,11 @@ from mjskip.draw.video import (
     write_pngs,
     write_video,
 )
-from mjskip.trajectory import Trajectory
-from mjskip.waves.wake import Wake
+from mjskip.throws.trajectory import Trajectory
+from mjskip.throws.wake import Wake
 
 if TYPE_CHECKING:
-    from mjskip.scene import Scene
+    from mjskip.throws.scene import Scene
 
 Array = npt.NDArray[np.float64]
 Flights = Trajectory | Mapping[str, Trajectory]

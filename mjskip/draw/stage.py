@@ -16,10 +16,10 @@ from mjskip.draw.scenery import ellipsoids_of, lake_of
 from mjskip.draw.skin import Grid, Surface, WaterSkin, add_water
 from mjskip.draw.video import Image
 from mjskip.errors import RenderError, SceneError
-from mjskip.trajectory import Trajectory
+from mjskip.throws.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from mjskip.scene import Scene
+    from mjskip.throws.scene import Scene
 
 Array = npt.NDArray[np.float64]
 Look = Literal["shaded", "plain"]

@@ -19,14 +19,14 @@ import numpy.typing as npt
 
 from mjskip.coupling.bodies import find_body
 from mjskip.draw.skin import Grid, WaterSkin, add_water
-from mjskip.engines import Motion, MujocoEngine
 from mjskip.errors import RenderError
-from mjskip.forces import observe, pack
-from mjskip.scene import Scene
-from mjskip.simulate import SURFACES, Surface, warm_up
+from mjskip.hydro.wrench import observe, pack
+from mjskip.throws.engines import Motion, MujocoEngine
+from mjskip.throws.scene import Scene
+from mjskip.throws.simulate import SURFACES, Surface, warm_up
+from mjskip.throws.wake import give_back
 from mjskip.waves.lake import Lake
 from mjskip.waves.twoway import MovingSurface
-from mjskip.waves.wake import give_back
 
 FPS = 60.0
 """Frames per second at most."""

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from mjskip.hydro.stone import Stone
 from mjskip.play.player import Frame
 from mjskip.play.surface import EVEN, STEP, DrawnWater
 from mjskip.play.thrown import Thrown
-from mjskip.scene import Scene
-from mjskip.stone import Stone
-from mjskip.throw import Throw
-from mjskip.trajectory import Trajectory
+from mjskip.throws.scene import Scene
+from mjskip.throws.throw import Throw
+from mjskip.throws.trajectory import Trajectory
 
 FOLLOW, WHOLE = "follow the stone", "the whole throw"
 VIEWS = (FOLLOW, WHOLE)

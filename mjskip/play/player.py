@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip.play.thrown import Thrown
-from mjskip.trajectory import Trajectory
+from mjskip.throws.trajectory import Trajectory
+from mjskip.throws.wake import Wake
 from mjskip.waves.lake import Lake
-from mjskip.waves.wake import Wake
 
 Array = npt.NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from mjskip.errors import MjskipError
 from mjskip.play.player import Replay
 from mjskip.play.settings import Settings
 from mjskip.play.thrown import Shelf
-from mjskip.scene import Scene
+from mjskip.throws.scene import Scene
 
 MOST_TABS = 8
 """Tabs at a time: each streams some 10 MB/s while its stone flies."""

@@ -9,10 +9,10 @@ from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 from urllib.parse import parse_qsl, urlencode
 
-from mjskip.laws import LAWS
-from mjskip.scene import Scene
-from mjskip.simulate import SURFACES
-from mjskip.throw import Throw
+from mjskip.hydro.laws import LAWS
+from mjskip.throws.scene import Scene
+from mjskip.throws.simulate import SURFACES
+from mjskip.throws.throw import Throw
 
 STONES = ("scene", "pebble", "disc", "lens")
 """The scene's own stone, or one of granite turned to size."""
@@ -38,7 +38,7 @@ class Settings:
         stone: one of `STONES`.
         radius: of a stone that is not the scene's [cm].
         thickness: of the same [cm].
-        law: force law, a key of `mjskip.laws.LAWS`.
+        law: force law, a key of `mjskip.hydro.laws.LAWS`.
         surface: "still" or "waves", see `mjskip.simulate`.
 
     Raises:

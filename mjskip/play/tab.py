@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 import numpy as np
 
 from mjskip.errors import MjskipError
-from mjskip.laws import LAWS
+from mjskip.hydro.laws import LAWS
 from mjskip.play import look
 from mjskip.play.player import Frame, Player
 from mjskip.play.settings import NUMBERS, STONES, THROW, Settings

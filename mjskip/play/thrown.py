@@ -14,11 +14,11 @@ from typing import Any
 import mujoco
 
 from mjskip.errors import MjskipWarning, SceneError
+from mjskip.hydro.stone import GRANITE, Stone
 from mjskip.play.settings import THROW, Settings
-from mjskip.scene import Scene, load_scene, shipped_scenes
-from mjskip.simulate import simulate_all
-from mjskip.stone import GRANITE, Stone
-from mjskip.trajectory import Trajectory
+from mjskip.throws.scene import Scene, load_scene, shipped_scenes
+from mjskip.throws.simulate import simulate_all
+from mjskip.throws.trajectory import Trajectory
 
 MOST_STONES = 100
 """Stones of different size that a playground keeps; then it forgets the oldest."""

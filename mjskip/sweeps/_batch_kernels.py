@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from mjskip._jit import kernel
-from mjskip._native import address_of, call_address
+from mjskip._compile.jit import kernel
+from mjskip._compile.pointers import address_of, call_address
 
 EULER, MIDPOINT, RK4 = 0, 1, 2
 SIZE = 13  # of y: x (3), q (4) w-x-y-z, P (3), L (3)

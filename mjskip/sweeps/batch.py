@@ -11,13 +11,13 @@ from typing import Any, Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
-from mjskip.attitude import matrices
-from mjskip.forces import pack, wrench_address
-from mjskip.recording import Limits
-from mjskip.stone import Stone, check_positive
+from mjskip.hydro.stone import Stone, check_positive
+from mjskip.hydro.water import Water
+from mjskip.hydro.wrench import pack, wrench_address
+from mjskip.rigid.attitude import matrices
 from mjskip.sweeps import _batch_kernels as kernels
-from mjskip.throw import State, Throw
-from mjskip.water import Water
+from mjskip.throws.recording import Limits
+from mjskip.throws.throw import State, Throw
 
 Array = npt.NDArray[np.float64]
 Method = Literal["euler", "midpoint", "rk4"]

@@ -13,15 +13,15 @@ from typing import Any
 import numpy as np
 
 from mjskip.errors import DivergedError, MjskipError, MjskipWarning
-from mjskip.recording import Limits
-from mjskip.scene import Scene, load_scene
-from mjskip.simulate import simulate
-from mjskip.stone import Stone, check_positive
+from mjskip.hydro.stone import Stone, check_positive
+from mjskip.hydro.water import Water
 from mjskip.sweeps.batch import ENDS, Air, throw_all
 from mjskip.sweeps.design import NAMED, STONE, SWITCHES, THROW, WATER, Design
-from mjskip.throw import Throw
-from mjskip.trajectory import Trajectory
-from mjskip.water import Water
+from mjskip.throws.recording import Limits
+from mjskip.throws.scene import Scene, load_scene
+from mjskip.throws.simulate import simulate
+from mjskip.throws.throw import Throw
+from mjskip.throws.trajectory import Trajectory
 
 RESULTS: dict[str, tuple[str, str]] = {
     "skips": ("1", "touches followed by at least min_airtime in the air"),

@@ -9,12 +9,12 @@ from typing import Any, Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
-from mjskip.recording import Limits
-from mjskip.stone import Stone
+from mjskip.hydro.stone import Stone
+from mjskip.hydro.water import Water
 from mjskip.sweeps.batch import ENDS, throw_all
 from mjskip.sweeps.design import THROW, normal
-from mjskip.throw import Throw
-from mjskip.water import Water
+from mjskip.throws.recording import Limits
+from mjskip.throws.throw import Throw
 
 Array = npt.NDArray[np.float64]
 Goal = Literal["skips", "distance"]

@@ -16,18 +16,18 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from mjskip.engines import INTEGRATORS
 from mjskip.errors import MjskipWarning
-from mjskip.recording import Limits
-from mjskip.scene import Scene, load_scene
-from mjskip.simulate import ENGINES, EngineName, largest_timestep
-from mjskip.stone import Stone, check_positive
+from mjskip.hydro.stone import Stone, check_positive
+from mjskip.hydro.water import Water
 from mjskip.sweeps.batch import AIR_TOLERANCE, METHODS, Air
 from mjskip.sweeps.design import Design
 from mjskip.sweeps.job import Job, run_chunk
 from mjskip.sweeps.store import Kept, Store, open_store
-from mjskip.throw import Throw
-from mjskip.water import Water
+from mjskip.throws.engines import INTEGRATORS
+from mjskip.throws.recording import Limits
+from mjskip.throws.scene import Scene, load_scene
+from mjskip.throws.simulate import ENGINES, EngineName, largest_timestep
+from mjskip.throws.throw import Throw
 
 CHUNK = 256
 """Throws that are done, written and forgotten together, unless another number is given."""

@@ -17,7 +17,7 @@ from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 
-from mjskip._native import intrinsic
+from mjskip._compile.pointers import intrinsic
 
 LANES = 16
 """Cells in a vector: one register of the widest machines, a few of any other."""

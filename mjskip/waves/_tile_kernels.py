@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from mjskip._jit import kernel
-from mjskip._native import address_of, call_address
+from mjskip._compile.jit import kernel
+from mjskip._compile.pointers import address_of, call_address
 from mjskip.waves._row import column_sum, step_rows
 
 Pool = npt.NDArray[np.float32]
@@ -325,7 +325,7 @@ LOADS, LIMITED, LOST, GAINED, TAKEN, GIVEN = range(6)
 
 @kernel
 def observe_at(wrench: int, immersion: int, block: Any, state: Any, out: Any) -> bool:
-    """`mjskip.forces.observe` of one state (18,) into out (17,), by address; whether all is finite."""
+    """`mjskip.hydro.wrench.observe` of one state (18,) into out (17,), by address; whether all is finite."""
     call_address(wrench, address_of(block), address_of(state), address_of(out))
     call_address(immersion, address_of(block), address_of(state), address_of(out) + 8 * 12)
     total = 0.0

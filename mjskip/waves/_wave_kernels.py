@@ -14,7 +14,7 @@ Layout: row 0 and the last row are ghosts, column `FIRST - 1` and the one after 
 import numpy as np
 import numpy.typing as npt
 
-from mjskip._jit import kernel
+from mjskip._compile.jit import kernel
 from mjskip.waves._row import column_sum, step_rows
 
 Grid = npt.NDArray[np.float32]

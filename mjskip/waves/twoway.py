@@ -30,9 +30,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from mjskip import _force_kernels as kernels
 from mjskip.errors import MjskipWarning
-from mjskip.forces import immersion_address, observe, wrench_address
+from mjskip.hydro import _wrench_kernels as kernels
+from mjskip.hydro.wrench import immersion_address, observe, wrench_address
 from mjskip.waves import _tile_kernels as tiles
 from mjskip.waves._grid import free_memory
 from mjskip.waves._stencil import SAFE_FRACTION
@@ -43,7 +43,7 @@ from mjskip.waves.ride import Ride
 Array = npt.NDArray[np.float64]
 
 Hop = tuple[int, Array]
-"""Address of what steps an engine of one stone, and its context: see `mjskip._rigid_kernels.hop`."""
+"""Address of what steps an engine of one stone, and its context: see `mjskip.rigid._rigid_kernels.hop`."""
 
 MERGE_AFTER = 0.010
 """Dry time after which a touch is over and its waves are the lake's [s]."""
@@ -137,7 +137,7 @@ class MovingSurface:
             states: (1, 18) by name.
 
         Returns:
-            (1, 17) by name, as `mjskip.forces.observe`.
+            (1, 17) by name, as `mjskip.hydro.wrench.observe`.
         """
         return {name: stone.look(states[name]) for name, stone in self._stones.items()}
 

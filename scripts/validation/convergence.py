@@ -18,9 +18,9 @@ import numpy as np
 from _common import LEFT, in_parallel, main, picture, reference_scene, table
 
 from mjskip import Limits, Stone, Throw, Water, integrate, load_scene, simulate
-from mjskip.comparison import LADDER, compare, observed_order
 from mjskip.errors import DivergedError
-from mjskip.simulate import STEP_FRACTION
+from mjskip.throws.comparison import LADDER, compare, observed_order
+from mjskip.throws.simulate import STEP_FRACTION
 
 TITLE = "Convergence, and the time step it asks for"
 

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from mjskip._jit import kernel
-from mjskip._native import address_of, as_doubles, bits, call_address
+from mjskip._compile.jit import kernel
+from mjskip._compile.pointers import address_of, as_doubles, bits, call_address
 
 EULER, MIDPOINT, RK4 = 0, 1, 2
 

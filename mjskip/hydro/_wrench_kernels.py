@@ -20,8 +20,8 @@ from typing import Any
 import numba
 import numpy as np
 
-from mjskip._jit import kernel
-from mjskip._native import as_doubles, bits
+from mjskip._compile.jit import kernel
+from mjskip._compile.pointers import as_doubles, bits
 
 # header of a block
 N_TRIANGLES = 0

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from mjskip.trajectory import Trajectory
+from mjskip.throws.trajectory import Trajectory
 
 Array = npt.NDArray[np.float64]
 

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from mjskip.attitude import angles, quaternions
 from mjskip.errors import DivergedError
-from mjskip.forces import observe, pack
-from mjskip.stone import Stone, check_positive
-from mjskip.trajectory import Contact, Moment, Trajectory
-from mjskip.water import Water
+from mjskip.hydro.stone import Stone, check_positive
+from mjskip.hydro.water import Water
+from mjskip.hydro.wrench import observe, pack
+from mjskip.rigid.attitude import angles, quaternions
+from mjskip.throws.trajectory import Contact, Moment, Trajectory
 
 Array = npt.NDArray[np.float64]
 
@@ -93,7 +93,7 @@ class Log:
         Args:
             times: (n,) [s].
             states: (n, 18), for the force kernel.
-            observed: (n, 17) as `mjskip.forces.observe`; over still water if None.
+            observed: (n, 17) as `mjskip.hydro.wrench.observe`; over still water if None.
             shares: (n,) of the vertical force that the water was given back; 1 if None.
 
         Raises:
@@ -197,7 +197,7 @@ def find_contacts(
     Args:
         time: (n,) [s].
         states: (n, 18), for the force kernel.
-        seen: (n, 17), from `mjskip.forces.observe`.
+        seen: (n, 17), from `mjskip.hydro.wrench.observe`.
         normal_body: upper disc normal in body axes (3,).
         min_airtime: [s].
     """

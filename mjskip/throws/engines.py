@@ -13,16 +13,16 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from mjskip._rigid_kernels import STATE, free_motion, hop
-from mjskip.attitude import matrices
-from mjskip.coupling._layout import library
+from mjskip.coupling._struct_layout import library
 from mjskip.coupling.attach import Coupling, attach
 from mjskip.coupling.bodies import find_body
 from mjskip.errors import DivergedError, SceneError
-from mjskip.forces import entry_address
-from mjskip.reference import METHODS, Integrator
-from mjskip.scene import Scene
-from mjskip.throw import State
+from mjskip.hydro.wrench import entry_address
+from mjskip.rigid._rigid_kernels import STATE, free_motion, hop
+from mjskip.rigid.attitude import matrices
+from mjskip.throws.reference import METHODS, Integrator
+from mjskip.throws.scene import Scene
+from mjskip.throws.throw import State
 
 Array = npt.NDArray[np.float64]
 Motion = dict[str, Array]
@@ -52,7 +52,7 @@ class Engine(Protocol):
 
     @property
     def hop(self) -> tuple[int, Array] | None:
-        """What steps it in compiled code, if anything can, and its context: see `_rigid_kernels.hop`."""
+        """What steps it in compiled code, if anything can, and its context: see `mjskip.rigid._rigid_kernels.hop`."""
 
     def start(self) -> Motion:
         """States (1, 18) as the stones leave the hand."""

@@ -11,13 +11,13 @@ import numpy as np
 import numpy.typing as npt
 from numba import types
 
-from mjskip import _force_kernels as kernels
-from mjskip._jit import native
-from mjskip._native import F8P, address_of_cfunc
-from mjskip.attitude import matrices
-from mjskip.laws import LAWS
-from mjskip.stone import Stone
-from mjskip.water import Water
+from mjskip._compile.jit import native
+from mjskip._compile.pointers import F8P, address_of_cfunc
+from mjskip.hydro import _wrench_kernels as kernels
+from mjskip.hydro.laws import LAWS
+from mjskip.hydro.stone import Stone
+from mjskip.hydro.water import Water
+from mjskip.rigid.attitude import matrices
 
 Array = npt.NDArray[np.float64]
 

@@ -11,15 +11,15 @@ import numpy as np
 import numpy.typing as npt
 from scipy.integrate import DOP853
 
-from mjskip import _rigid_kernels as kernels
-from mjskip.attitude import matrices
 from mjskip.errors import MjskipError
-from mjskip.forces import pack, wrench_address
-from mjskip.recording import Limits, Log
-from mjskip.stone import Stone, check_positive
-from mjskip.throw import State, Throw
-from mjskip.trajectory import Trajectory
-from mjskip.water import Water
+from mjskip.hydro.stone import Stone, check_positive
+from mjskip.hydro.water import Water
+from mjskip.hydro.wrench import pack, wrench_address
+from mjskip.rigid import _rigid_kernels as kernels
+from mjskip.rigid.attitude import matrices
+from mjskip.throws.recording import Limits, Log
+from mjskip.throws.throw import State, Throw
+from mjskip.throws.trajectory import Trajectory
 
 Array = npt.NDArray[np.float64]
 Method = Literal["euler", "midpoint", "rk4", "adaptive"]

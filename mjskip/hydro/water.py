@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, fields
 from typing import Literal, get_args
 
-from mjskip.laws import LAWS
+from mjskip.hydro.laws import LAWS
 
 Gate = Literal["centre", "local"]
 GATES: tuple[Gate, ...] = get_args(Gate)
@@ -25,7 +25,7 @@ class Water:
         skin_friction: whether the water rubs along every immersed face (ITTC 1957), so that what floats
             comes to rest.
         viscosity: kinematic, of the water [m^2/s]; only for skin friction.
-        law: name of the force on an immersed face, a key of `mjskip.laws.LAWS`.
+        law: name of the force on an immersed face, a key of `mjskip.hydro.laws.LAWS`.
 
     Raises:
         ValueError: a density or the viscosity is negative or not finite, or the gate or the law is

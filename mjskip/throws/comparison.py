@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from mjskip.attitude import difference
 from mjskip.errors import DivergedError, MjskipWarning
-from mjskip.recording import Limits
-from mjskip.scene import Scene
-from mjskip.simulate import simulate
-from mjskip.stone import check_positive
-from mjskip.trajectory import Trajectory
+from mjskip.hydro.stone import check_positive
+from mjskip.rigid.attitude import difference
+from mjskip.throws.recording import Limits
+from mjskip.throws.scene import Scene
+from mjskip.throws.simulate import simulate
+from mjskip.throws.trajectory import Trajectory
 
 Array = npt.NDArray[np.float64]
 

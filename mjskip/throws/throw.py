@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from mjskip.attitude import quaternions, released
-from mjskip.stone import Stone
+from mjskip.hydro.stone import Stone
+from mjskip.rigid.attitude import quaternions, released
 
 Array = npt.NDArray[np.float64]
 

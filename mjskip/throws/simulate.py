@@ -15,17 +15,17 @@ from typing import Any, Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
-from mjskip.attitude import angles, matrices
 from mjskip.coupling.attach import compile_callback
 from mjskip.coupling.bodies import find_body
-from mjskip.engines import Engine, Motion, MujocoEngine, ReferenceEngine, releases
 from mjskip.errors import MjskipWarning
-from mjskip.recording import Limits, Log
-from mjskip.reference import integrate
-from mjskip.scene import Scene, load_scene
-from mjskip.stone import Stone, check_positive
-from mjskip.throw import Throw
-from mjskip.trajectory import Trajectory
+from mjskip.hydro.stone import Stone, check_positive
+from mjskip.rigid.attitude import angles, matrices
+from mjskip.throws.engines import Engine, Motion, MujocoEngine, ReferenceEngine, releases
+from mjskip.throws.recording import Limits, Log
+from mjskip.throws.reference import integrate
+from mjskip.throws.scene import Scene, load_scene
+from mjskip.throws.throw import Throw
+from mjskip.throws.trajectory import Trajectory
 from mjskip.waves.lake import Lake
 from mjskip.waves.twoway import MovingSurface
 

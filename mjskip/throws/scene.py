@@ -2,7 +2,7 @@
 
 A setting is a <numeric> or <text> named `mjskip.<setting>`, in SI units and radians, as MuJoCo's own
 `filament.*` settings are. A throw setting with a body's name behind it (`mjskip.spin.still`) is for that
-body alone. `mjskip.control.<actuator>` and `mjskip.release.<equality>` move a robot: see `mjskip.coupling.arm`.
+body alone. `mjskip.control.<actuator>` and `mjskip.release.<equality>` move a robot: see `mjskip.throws.arm`.
 Bodies that carry the engine plugin `mjskip.water` have their water from it.
 """
 
@@ -18,14 +18,14 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from mjskip.coupling.arm import Arm
 from mjskip.coupling.bodies import body_name, body_stone, find_body, free_bodies
-from mjskip.coupling.obstacles import Land, land_of
 from mjskip.coupling.plugin import NAME, plugin_water, register_plugin
+from mjskip.coupling.terrain import Land, land_of
 from mjskip.errors import SceneError
-from mjskip.stone import Stone
-from mjskip.throw import Throw
-from mjskip.water import Water
+from mjskip.hydro.stone import Stone
+from mjskip.hydro.water import Water
+from mjskip.throws.arm import Arm
+from mjskip.throws.throw import Throw
 from mjskip.waves import HeightField
 from mjskip.waves.lake import Lake
 
@@ -148,7 +148,7 @@ class Scene:
 
 def shipped_scenes() -> dict[str, Path]:
     """The scenes that come with the package, by name."""
-    here = Path(__file__).parent
+    here = Path(__file__).parents[1]
     for folder in (here / "models", here.parent / "models"):  # installed; a checkout
         found = {path.stem: path for path in sorted(folder.glob("*.xml"))}
         if found:

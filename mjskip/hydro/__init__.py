@@ -1,0 +1,1 @@
+"""Water on a body: hulls, the fluid, force laws, wrenches."""

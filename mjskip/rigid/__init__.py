@@ -1,0 +1,1 @@
+"""Rigid bodies: attitude, state, and the kernels of the pure integrator."""

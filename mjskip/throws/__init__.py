@@ -1,0 +1,1 @@
+"""Throws: scenes, engines, recording, trajectories, and MuJoCo against the pure integrator."""
