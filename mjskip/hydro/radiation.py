@@ -11,7 +11,7 @@ inside the hull, which is not there: without it that water sloshes and resonates
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -26,9 +26,12 @@ from mjskip.hydro.surface_modes import SurfaceModes, ring_directions, surface_mo
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
-PATTERNS = 3e-3
+PATTERNS = 1e-2
 """Patterns of flow weaker than this share of the strongest are left out."""
 SPARE_ORDERS = 2
+SHORTEST = 2.0
+"""Waves up to this many times shorter than the modes' shortest follow a hull at once."""
+SHORT_RINGS = 12
 
 
 def body_modes(
@@ -68,7 +71,7 @@ class RadiationTable:
         columns: what unit motion (6), patterns (r) and lid (l) give to the harmonics (6 + r + l, harmonics).
         lid_force: force by unit lid readings (6, l).
         patterns: source strengths of the patterns on the panels (n, r).
-        added_mass: at infinite frequency (6, 6).
+        added_mass: of the water beside the modes (6, 6).
         density: of the water [kg/m^3].
     """
 
@@ -103,7 +106,7 @@ def radiation_table(
     hull: WettedHull, modes: SurfaceModes, *, density: float = 1000.0
 ) -> RadiationTable:
     """Prepare a hull for the modes of a surface; some tenths of a second."""
-    influence = hull_influence(hull, depth=modes.depth)
+    influence = _with_short_waves(hull_influence(hull, depth=modes.depth), modes)
     gravity = modes.gravity
     inverse = np.linalg.inv(influence.velocity)
     reflected = influence.loads @ influence.potential @ inverse
@@ -185,6 +188,32 @@ def radiation_table(
     )
 
 
+def _with_short_waves(influence: Influence, modes: SurfaceModes) -> Influence:
+    """The hull's potentials with the waves that are too short for the modes, which follow it at once.
+
+    For them omega^2 is small beside g k: f = 1 / (g k tanh kH) in the formula of `response`.
+    """
+    cutoff = modes.cutoff
+    nodes, parts = np.polynomial.legendre.leggauss(SHORT_RINGS)
+    stretch = 0.5 * math.log(SHORTEST)
+    potential, velocity = influence.potential.copy(), influence.velocity.copy()
+    for k, part in zip(cutoff * np.exp(stretch * (nodes + 1.0)), parts, strict=True):
+        angles = ring_directions(2 * math.ceil(k * influence.hulls[0].radius) + 8)
+        wave = plane_waves(
+            influence.points,
+            influence.normals,
+            influence.areas,
+            k=k,
+            directions=angles,
+            depth=influence.depth,
+        )
+        steep = math.tanh(k * influence.depth) if math.isfinite(influence.depth) else 1.0
+        share = part * stretch * k / steep / (2.0 * math.pi * len(angles))  # k dk / (k tanh kH)
+        velocity -= share * (wave.slope @ wave.source).real
+        potential -= share * (wave.value @ wave.source).real
+    return replace(influence, potential=potential, velocity=velocity)
+
+
 def _patterns(parts: list[Complex], scales: list[float], areas: Array) -> Array:
     """Orthogonal real patterns (n, r) that span columns of `parts`, in the mean square over areas."""
     if len(areas) == 0:
@@ -215,6 +244,40 @@ def _real_columns(table: Complex, order: int) -> Array:
     """Harmonics, as real numbers, of a table (rows, n) over equal directions."""
     parts = np.concatenate(_harmonics(table, order), axis=1)
     return np.stack([parts.real, parts.imag], axis=2).reshape(len(table), -1)
+
+
+def table_coefficients(table: RadiationTable, omega: npt.ArrayLike) -> tuple[Array, Array]:
+    """Added mass and damping (w, 6, 6) that a body has in time with this table [kg, kg/s and so on].
+
+    Of unit u(t) = Re(exp(-i omega t)) a wave c_t = -i omega_j c + S u gives a reading Re(F c) of amplitude
+
+        1/2 [ F S / (i (omega_j - omega)) - conj(F S) / (i (conj(omega_j) + omega)) ]
+    """
+    frequencies = np.atleast_1d(np.asarray(omega, dtype=np.float64))
+    pairs = len(table.rows)
+    products = np.empty((len(table.orders), pairs, pairs), complex)
+    for j, order in enumerate(table.orders):
+        part = slice(table.starts[j], table.starts[j + 1])
+        read = table.rows[:, part][:, ::2] - 1j * table.rows[:, part][:, 1::2]
+        give = table.columns[:, part][:, ::2] + 1j * table.columns[:, part][:, 1::2]
+        share = np.full(2 * order + 1, 0.5 * table.modes.angles[j])
+        share[0] *= 2.0
+        products[j] = (read * share) @ give.T
+    own = table.modes.frequencies
+    added, damping = [], []
+    lid = table.lid_force.shape[1]
+    for w in frequencies:
+        transfer = 0.5 * (
+            np.tensordot(1.0 / (1j * (own - w)), products, 1)
+            - np.tensordot(1.0 / (1j * (own.conj() + w)), products.conj(), 1)
+        )
+        # readings r = T_rV V + T_rr r
+        inner = np.linalg.solve(np.eye(pairs - 6) - transfer[6:, 6:], transfer[6:, :6])
+        force = transfer[:6, :6] + transfer[:6, 6:] @ inner
+        force += table.lid_force @ inner[pairs - 6 - lid :]
+        added.append(table.added_mass + (force / (1j * w)).real)
+        damping.append(-force.real)
+    return np.array(added), np.array(damping)
 
 
 class Surface:
@@ -298,3 +361,63 @@ class Surface:
             self.real, self.imag, *self._added, turn.real.copy(), turn.imag.copy(), step
         )
         self._added[:] = 0.0
+
+
+HEADINGS = 96
+"""Headings of a body at which the table of known waves is made; it is linear in between."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class KnownWaves:
+    """What the waves of a sea do to a hull, for all its headings.
+
+    Attributes:
+        krylov: Froude-Krylov force on the hull at rest by unit waves (headings, n, 6), complex [N/m, N].
+        diffraction: the instantaneous part of what it scatters (headings, n, 6).
+        flow: on the hull's patterns (headings, n, r).
+    """
+
+    krylov: Complex
+    diffraction: Complex
+    flow: Complex
+
+    def at(self, yaw: float) -> tuple[Complex, Complex, Complex]:
+        """The three at one heading [rad]: (n, 6), (n, 6), (n, r)."""
+        place = yaw / (2.0 * math.pi) % 1.0 * HEADINGS
+        a = int(place) % HEADINGS
+        b, share = (a + 1) % HEADINGS, place - int(place)
+        krylov, diffraction, flow = (
+            (1.0 - share) * part[a] + share * part[b]
+            for part in (self.krylov, self.diffraction, self.flow)
+        )
+        return krylov, diffraction, flow
+
+
+def known_waves(
+    table: RadiationTable, wavenumbers: Array, omega: Array, directions: Array
+) -> KnownWaves:
+    """Tables for waves of a sea (n,), directions from the x axis of the world [rad]."""
+    hull, gravity, influence = table.hull, table.modes.gravity, table.influence
+    inverse = np.linalg.inv(influence.velocity)
+    reflected = influence.loads @ influence.potential @ inverse
+    project = np.linalg.pinv(table.patterns) @ inverse
+    weight = table.density * gravity
+    headings = 2.0 * math.pi * np.arange(HEADINGS) / HEADINGS
+    krylov, diffraction, flow = [], [], []
+    for k, w, direction in zip(wavenumbers, omega, directions, strict=True):
+        wave = plane_waves(
+            hull.points,
+            hull.normals,
+            hull.areas,
+            k=complex(k),
+            directions=direction - headings,
+            depth=table.modes.depth,
+        )
+        krylov.append(-weight * (influence.loads @ wave.value).T)
+        diffraction.append(weight * (reflected @ wave.slope).T)
+        flow.append(-1j * gravity / w * (project @ wave.slope).T)
+    return KnownWaves(
+        krylov=np.stack(krylov, axis=1),
+        diffraction=np.stack(diffraction, axis=1),
+        flow=np.stack(flow, axis=1),
+    )

@@ -41,6 +41,7 @@ class SurfaceModes:
         depth: of the water [m]; infinite by default.
         gravity: [m/s^2].
         reach: radius within which the sum holds [m].
+        cutoff: largest wavenumber, where the contour ends [1/m].
     """
 
     wavenumbers: Complex
@@ -49,6 +50,7 @@ class SurfaceModes:
     depth: float
     gravity: float
     reach: float
+    cutoff: float
 
     @cached_property
     def size(self) -> int:
@@ -139,4 +141,5 @@ def surface_modes(
         depth=depth,
         gravity=gravity,
         reach=reach,
+        cutoff=cutoff,
     )
