@@ -338,7 +338,7 @@ def _at_rest_too(
             continue
         nx, ny, nz = block[k + NORMAL], block[k + NORMAL + 1], block[k + NORMAL + 2]
         if weight != 0.0:
-            column, mx, my, mz = _column(ax, ay, az, ha, bx, by, bz, hb, cx, cy, cz, hc)
+            column, mx, my, mz = pressure_column(ax, ay, az, ha, bx, by, bz, hb, cx, cy, cz, hc)
             load = weight * block[k + AREA]
             fx += load * column * nx
             fy += load * column * ny
@@ -384,7 +384,7 @@ def _linear_column(
 
 
 @kernel
-def _column(
+def pressure_column(
     ax: float, ay: float, az: float, ha: float,
     bx: float, by: float, bz: float, hb: float,
     cx: float, cy: float, cz: float, hc: float,

@@ -169,7 +169,7 @@ def wetted_hull(
     size = 2.4 * float(np.sqrt(hull.areas.sum() / panels))
     if len(below) > most:
         below = _coarser(below, 0.2 * size, most)
-    while len(fine := _finer(below, size)) > most and size < np.inf:
+    while len(fine := refined(below, size)) > most and size < np.inf:
         size = 1.2 * size if len(below) < 0.8 * most else np.inf
     return WettedHull(triangles=fine, height=height)
 
@@ -196,7 +196,7 @@ def _below_water(triangles: Array) -> Array:
     return np.asarray(cut[area > 1e-9 * extent**2])
 
 
-def _finer(triangles: Array, size: float) -> Array:
+def refined(triangles: Array, size: float) -> Array:
     """Halve the longest edge of every triangle until none is longer than `size`."""
     done = []
     while len(triangles):
