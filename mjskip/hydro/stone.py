@@ -13,6 +13,7 @@ import numpy.typing as npt
 import shapely
 import trimesh
 
+from mjskip.checks import check_positive
 from mjskip.errors import MeshError
 
 Array = npt.NDArray[np.float64]
@@ -221,13 +222,6 @@ class Stone:
             disc_area=area,
             disc_centre=disc_centre,
         )
-
-
-def check_positive(**named: float) -> None:
-    """Raise ValueError, with the name, for the first value that is not a finite positive number."""
-    for name, value in named.items():
-        if not (math.isfinite(value) and value > 0.0):
-            raise ValueError(f"{name} is {value!r}: give a finite number greater than 0")
 
 
 def _read(mesh: Any) -> Any:

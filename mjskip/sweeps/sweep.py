@@ -16,8 +16,9 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from mjskip.checks import check_positive
 from mjskip.errors import MjskipWarning
-from mjskip.hydro.stone import Stone, check_positive
+from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
 from mjskip.sweeps.batch import AIR_TOLERANCE, METHODS, Air
 from mjskip.sweeps.design import Design

@@ -11,8 +11,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.integrate import DOP853
 
+from mjskip.checks import check_positive
 from mjskip.errors import MjskipError
-from mjskip.hydro.stone import Stone, check_positive
+from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
 from mjskip.hydro.wrench import pack, wrench_address
 from mjskip.rigid import _rigid_kernels as kernels
