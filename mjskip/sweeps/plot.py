@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip.errors import MjskipError
-from mjskip.files import whole_file
+from mjskip.files import check_folder, whole_file
 from mjskip.sweeps.design import MEMBER, SAMPLE
 from mjskip.sweeps.job import RESULTS
 
@@ -105,8 +105,7 @@ def check_picture(path: str | os.PathLike[str]) -> None:
     known = FigureCanvasBase.get_supported_filetypes()
     if path.suffix.removeprefix(".").lower() not in known:
         raise MjskipError(f"{path} is no picture: end its name with .png, .svg or .pdf")
-    if not path.parent.is_dir():
-        raise MjskipError(f"folder {path.parent} does not exist: create it, or name another file")
+    check_folder(path.parent)
 
 
 def _map(axes: Any, data: xr.Dataset, across: list[str], result: str, label: str, all_: Any) -> Any:

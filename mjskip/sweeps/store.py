@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from mjskip.errors import MjskipError
+from mjskip.files import whole_file, writing
 from mjskip.sweeps.design import Design
 from mjskip.sweeps.job import RESULTS, WORDS
 
@@ -83,8 +84,9 @@ class Written:
 
     def write(self, index: Index, found: dict[str, Any]) -> None:
         """Keep a chunk; its status last."""
-        for name in (*RESULTS, *WORDS):
-            self._group[name][index] = found[name]
+        with writing(self._path):
+            for name in (*RESULTS, *WORDS):
+                self._group[name][index] = found[name]
 
     def dataset(self, request: dict[str, Any]) -> xr.Dataset:
         """All of it."""
@@ -102,11 +104,8 @@ def open_store(
     zarr = _zarr()
     path = Path(path)
     if not path.exists():
-        if not path.parent.is_dir():
-            raise MjskipError(f"folder {path.parent} does not exist: create it, or name another")
-        part = path.with_name(f".{path.name}.{os.getpid()}.part")
-        _make(zarr.create_group(part), design, chunks, request)
-        os.replace(part, path)
+        with whole_file(path) as part:
+            _make(zarr.create_group(part), design, chunks, request)
     group = _group(zarr, path)
     made = json.loads(group.attrs["request"])
     differ = list(_differences(made, json.loads(json.dumps(request))))

@@ -187,7 +187,8 @@ class Trajectory:
             MjskipError: the folder does not exist or cannot be written to.
         """
         with whole_file(path) as part:
-            self.to_dataset().to_netcdf(part, engine="h5netcdf")
+            # by way of memory: HDF5 itself does not survive a full disk
+            part.write_bytes(self.to_dataset().to_netcdf(engine="h5netcdf"))
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Trajectory:
