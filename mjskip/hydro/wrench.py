@@ -99,7 +99,7 @@ def pack(stone: Stone, water: Water, *, gravity: float = 9.81) -> Array:
     """The block of doubles that the kernels know a stone in its water by; gravity [m/s^2] for buoyancy."""
     law = LAWS[water.law]
     areas = np.linalg.norm(stone.area_vectors, axis=1)
-    block = np.zeros(kernels.HEADER + len(stone.faces) * kernels.ROW)
+    block = np.zeros(kernels.HEADER + len(stone.faces) * kernels.COLUMNS)
     block[kernels.N_TRIANGLES] = len(stone.faces)
     block[kernels.RADIUS] = stone.radius
     block[kernels.LOCAL_GATE] = water.gate == "local"
@@ -116,11 +116,23 @@ def pack(stone: Stone, water: Water, *, gravity: float = 9.81) -> Array:
     block[kernels.DISC_AREA] = stone.disc_area
     block[kernels.DISC_NORMAL : kernels.DISC_NORMAL + 3] = stone.disc_normal
     block[kernels.DISC_CENTRE : kernels.DISC_CENTRE + 3] = stone.disc_centre
-    rows = block[kernels.HEADER :].reshape(-1, kernels.ROW)
-    rows[:, kernels.CORNERS : kernels.NORMAL] = stone.triangles.reshape(-1, 9)
-    rows[:, kernels.NORMAL : kernels.AREA] = stone.area_vectors / areas[:, None]
-    rows[:, kernels.AREA] = areas
+    volume, centre = _volume(stone)
+    block[kernels.VOLUME] = volume
+    block[kernels.VOLUME_CENTRE : kernels.VOLUME_CENTRE + 3] = centre
+    columns = block[kernels.HEADER :].reshape(kernels.COLUMNS, -1)
+    columns[kernels.CORNERS : kernels.AREA] = stone.triangles.reshape(-1, 9).T
+    columns[kernels.AREA] = areas
+    faces = columns[kernels.FACES :]
+    faces[kernels.NORMAL : kernels.CENTROID] = (stone.area_vectors / areas[:, None]).T
+    faces[kernels.CENTROID :] = stone.triangles.mean(axis=1).T
     return block
+
+
+def _volume(stone: Stone) -> tuple[float, Array]:
+    """Volume inside the mesh [m^3] and its centroid (3,), by tetrahedra from the centre of mass."""
+    volumes = np.linalg.det(stone.triangles) / 6.0
+    volume = float(volumes.sum())
+    return volume, volumes @ stone.triangles.sum(axis=1) / (4.0 * volume)
 
 
 def pack_states(x: Array, rotation: Array, velocity: Array, omega: Array) -> Array:
@@ -131,7 +143,7 @@ def pack_states(x: Array, rotation: Array, velocity: Array, omega: Array) -> Arr
 def observe(block: Array, states: Array) -> Array:
     """Wrench (12), wetted area, its centroid (3) and clearance of every state: (n, 17)."""
     out = np.empty((len(states), kernels.WRENCH + 5))
-    kernels.observe(block, states, out)
+    kernels.observe(wrench_address(), immersion_address(), block, states, out)
     return out
 
 
