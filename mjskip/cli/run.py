@@ -14,7 +14,7 @@ from rich.table import Table
 from mjskip import __version__
 from mjskip.cli.filming import FILMING, check_film, check_stage, film, film_options
 from mjskip.cli.options import chosen_scene, throw_options
-from mjskip.draw.video import check_folder
+from mjskip.files import check_target
 from mjskip.throws.recording import Limits
 from mjskip.throws.scene import Scene
 from mjskip.throws.simulate import ENGINES, SURFACES, simulate_all
@@ -69,7 +69,7 @@ def run(
     if save is not None:
         if save.suffix != ".nc":
             raise click.UsageError(f"--save is {str(save)!r}: NetCDF files end in .nc")
-        check_folder(save.parent)
+        check_target(save)
     limits = Limits(duration=duration)
     with err.status("preparing: the first run on a machine compiles for some seconds"):
         scene = chosen_scene(**options)

@@ -6,16 +6,18 @@ import json
 import math
 import os
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-import xarray as xr
 
 from mjskip.errors import MjskipError
-from mjskip.files import whole_file
+from mjskip.files import check_folder, whole_file
 from mjskip.sweeps.design import MEMBER, SAMPLE
 from mjskip.sweeps.job import RESULTS
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 SHOWN = {"rad": ("degrees", 180.0 / math.pi), "rad s-1": ("rev/s", 0.5 / math.pi)}
 """Units that people read, and the factor to them."""
@@ -103,8 +105,7 @@ def check_picture(path: str | os.PathLike[str]) -> None:
     known = FigureCanvasBase.get_supported_filetypes()
     if path.suffix.removeprefix(".").lower() not in known:
         raise MjskipError(f"{path} is no picture: end its name with .png, .svg or .pdf")
-    if not path.parent.is_dir():
-        raise MjskipError(f"folder {path.parent} does not exist: create it, or name another file")
+    check_folder(path.parent)
 
 
 def _map(axes: Any, data: xr.Dataset, across: list[str], result: str, label: str, all_: Any) -> Any:

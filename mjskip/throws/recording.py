@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from mjskip.checks import check_positive
 from mjskip.errors import DivergedError
-from mjskip.hydro.stone import Stone, check_positive
+from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
 from mjskip.hydro.wrench import observe, pack
 from mjskip.rigid.attitude import angles, quaternions
