@@ -29,11 +29,10 @@ import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 from scipy.special import j0, jv
 
+from mjskip._typing import Array
 from mjskip.hydro import _wrench_kernels as hydro
 from mjskip.hydro.laws import LAWS, ForceLaw
 from mjskip.waves import _coupling_kernels as kernels
-
-Array = npt.NDArray[np.float64]
 
 LOAD_RADIUS = 0.02
 """Radius e of the bump that spreads a face's load and samples the surface under it [m]."""
