@@ -6,11 +6,10 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
-import xarray as xr
 from rich.console import Console
 from rich.progress import (
     BarColumn,
@@ -32,6 +31,9 @@ from mjskip.sweeps.sweep import CHUNK
 from mjskip.sweeps.sweep import sweep as run_sweep
 from mjskip.throws.recording import Limits
 from mjskip.throws.simulate import ENGINES
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 out = Console(highlight=False)
 err = Console(stderr=True, highlight=False)

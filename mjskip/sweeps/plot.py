@@ -6,16 +6,18 @@ import json
 import math
 import os
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-import xarray as xr
 
 from mjskip.errors import MjskipError
 from mjskip.files import check_folder, whole_file
 from mjskip.sweeps.design import MEMBER, SAMPLE
 from mjskip.sweeps.job import RESULTS
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 SHOWN = {"rad": ("degrees", 180.0 / math.pi), "rad s-1": ("rev/s", 0.5 / math.pi)}
 """Units that people read, and the factor to them."""

@@ -9,15 +9,17 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-import xarray as xr
 
 from mjskip.errors import MjskipError
 from mjskip.files import whole_file, writing
 from mjskip.sweeps.design import Design
 from mjskip.sweeps.job import RESULTS, WORDS
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Index = tuple[slice, ...]
 TITLE = "stone skipping sweep, SI units, angles in radians"
@@ -56,6 +58,8 @@ class Kept:
 
     def dataset(self, request: dict[str, Any]) -> xr.Dataset:
         """All of it, as `open_sweep` would read it."""
+        import xarray as xr
+
         dims = list(self._design.sizes)
         return xr.Dataset(
             {
@@ -120,6 +124,8 @@ def open_sweep(path: str | os.PathLike[str]) -> xr.Dataset:
     Raises:
         MjskipError: there is no sweep, or no `zarr`.
     """
+    import xarray as xr
+
     path = Path(path)
     _group(_zarr(), path)
     with xr.open_zarr(path, consolidated=False, decode_times=False) as opened:
