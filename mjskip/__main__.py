@@ -1,4 +1,4 @@
-"""The command `mjskip`, and python -m mjskip: quiet when interrupted, imports included."""
+"""The command `mjskip`, and python -m mjskip: quiet and prompt when interrupted, imports included."""
 
 import os
 import signal
@@ -7,26 +7,25 @@ from types import FrameType
 INTERRUPTED = 130
 
 
-def _end_at_once(_number: int, _frame: FrameType | None) -> None:
-    os._exit(INTERRUPTED)  # nothing has been begun that would have to be ended
+def _interrupt(_number: int, frame: FrameType | None) -> None:
+    """Raise KeyboardInterrupt; in the midst of an import, which would make other errors of it, end at once."""
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            os.write(2, b"mjskip: interrupted\n")
+            os._exit(INTERRUPTED)
+        frame = frame.f_back
+    raise KeyboardInterrupt
 
 
 def main() -> None:
     """Run a command and exit: 0 well, 1 the run diverged, 2 bad input, 130 interrupted."""
-    before = signal.signal(signal.SIGINT, _end_at_once)
+    signal.signal(signal.SIGINT, _interrupt)
     from mjskip.cli import main as run
 
-    signal.signal(signal.SIGINT, before)
     try:
         run()
-    except KeyboardInterrupt:
-        code = INTERRUPTED
-    except SystemExit as ended:
-        code = ended.code if isinstance(ended.code, int) else 0
-    else:
-        code = 0
-    signal.signal(signal.SIGINT, _end_at_once)  # nothing is left to be lost
-    raise SystemExit(code)
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # nothing is left but to end
 
 
 if __name__ == "__main__":

@@ -21,6 +21,12 @@ def test_a_file_appears_whole_and_replaces_the_one_before(tmp_path):
     assert list(tmp_path.iterdir()) == [target]
 
 
+def write_half_and_raise(target, error):
+    with whole_file(target) as part:
+        part.write_text("half")
+        raise error
+
+
 @pytest.mark.parametrize(
     ("error", "says"),
     [
@@ -37,18 +43,16 @@ def test_a_file_appears_whole_and_replaces_the_one_before(tmp_path):
 def test_what_the_disk_refuses_is_one_line_and_the_file_before_is_kept(tmp_path, error, says):
     target = tmp_path / "a.txt"
     target.write_text("old")
-    with pytest.raises(MjskipError, match=says) as refused, whole_file(target) as part:
-        part.write_text("half")
-        raise error
+    with pytest.raises(MjskipError, match=says) as refused:
+        write_half_and_raise(target, error)
     assert "\n" not in str(refused.value)
     assert target.read_text() == "old"
     assert list(tmp_path.iterdir()) == [target]
 
 
 def test_an_interrupt_leaves_nothing_behind(tmp_path):
-    with pytest.raises(KeyboardInterrupt), whole_file(tmp_path / "a.txt") as part:
-        part.write_text("half")
-        raise KeyboardInterrupt
+    with pytest.raises(KeyboardInterrupt):
+        write_half_and_raise(tmp_path / "a.txt", KeyboardInterrupt())
     assert not list(tmp_path.iterdir())
 
 

@@ -106,7 +106,6 @@ force: npt.NDArray[np.float64] = mjskip.wrench(stone, water, position=(0.0, 0.0,
 '''
 
 
-@pytest.mark.slow
 def test_a_users_type_checker_knows_the_type_of_every_public_name(tmp_path):
     pytest.importorskip("mypy")
     assert (PACKAGE / "py.typed").is_file()

@@ -18,7 +18,7 @@ from mjskip.files import check_target
 from mjskip.throws.recording import Limits
 from mjskip.throws.scene import Scene
 from mjskip.throws.simulate import ENGINES, SURFACES, simulate_all
-from mjskip.throws.throw import Throw
+from mjskip.throws.throw import PARAMETERS
 from mjskip.throws.trajectory import Trajectory
 
 out = Console(highlight=False)
@@ -166,11 +166,11 @@ def skip_table(trajectory: Trajectory) -> Table:
 def headline(scene: Scene, trajectory: Trajectory) -> str:
     """One line: the stone and its throw."""
     name = trajectory.attributes["body"]
-    throw, stone = Throw(**trajectory.attributes["throw"]), scene.stones[name]
+    throw, stone = trajectory.attributes["throw"], scene.stones[name]
+    text = {key: PARAMETERS[key].text_of(value) for key, value in throw.items()}
     return (
         f"[bold]{name}[/] ({1e3 * stone.mass:.3g} g, {len(stone.faces)} triangles) "
-        f"at {throw.speed:.3g} m/s, {throw.spin / (2.0 * math.pi):.3g} rev/s, "
-        f"attack {math.degrees(throw.attack):.3g}°, descent {math.degrees(throw.descent):.3g}°"
+        f"at {text['speed']}, {text['spin']}, attack {text['attack']}, descent {text['descent']}"
     )
 
 

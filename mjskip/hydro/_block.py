@@ -1,11 +1,12 @@
-"""What the force kernels know of a body: a block of doubles.
+"""What the force kernels know of a body: a block of doubles, body axes about the centre of mass.
 
-First a header (the places below), then columns, one number a triangle: column c of triangle i of n stands at
-HEADER + c n + i. Columns let a loop over the triangles run in vector registers. Body axes about the centre of
-mass.
+A header (the places below), then columns of faces, then a sphere about every group of faces. Number c of face i
+stands at HEADER + c STRIDE + i: columns let a loop over faces run in vector registers. Faces of a group lie near
+each other, so that many of a large body are passed over at once. The last columns are filled up to a multiple
+of WIDTH with points without area.
 """
 
-N_TRIANGLES = 0
+N_FACES = 0
 RADIUS = 1  # of the sphere about the centre of mass that holds the body [m]
 LOCAL_GATE = 2  # 1: faces that advance themselves, 0: faces turned to the motion of the centre
 NORMAL_SQUARED = 3  # rho times the law's coefficients [kg/m^3]
@@ -22,24 +23,26 @@ SKIN_DENSITY = 17  # rho if the water rubs, or 0
 VISCOSITY = 18  # kinematic [m^2/s]
 LENGTH = 19  # of the body along the flow, for its Reynolds number [m]
 FORWARD = 20  # 1: the load of a face acts ahead of the middle of its wet part, by Rayleigh
-VOLUME = 21  # inside the closed mesh [m^3]
-VOLUME_CENTRE = 22  # its centroid (3)
-HEADER = 25
+STRIDE = 21  # faces in a column, filled up to a multiple of WIDTH
+VOLUME = 22  # inside the closed mesh [m^3]
+VOLUME_CENTRE = 23  # its centroid (3)
+HEADER = 26
 
 CORNERS = 0  # a, b, c (9)
 AREA = 9
 FACES = 10  # from here on as for pieces of faces
-COLUMNS = 16
+COLUMNS = 19
 
 # columns of faces, and of the wet pieces of faces
 NORMAL = 0  # outward, unit (3)
 CENTROID = 3  # (3)
-RISE = 6  # vertical speed of the surface there, pieces only
-PIECE = 7
+ARM = 6  # centroid x normal (3)
+RISE = 9  # vertical speed of the surface there, pieces only
+PIECE = 10
 
-STATE = 18  # centre of mass (3), rotation body to world row by row (9), velocity (3), angular velocity (3); world
-WRENCH = 12  # water force, water torque, air force, air torque
-IMMERSION = 5  # area, its centroid, height of the lowest point
+WIDTH = 8  # doubles of the widest vector register
+GROUP = 32  # faces, a multiple of WIDTH
+SPHERE = 4  # centre (3) and radius about the faces of a group
 
 # a patch of moving surface
 PATCH_X = 0  # of its first point

@@ -1,6 +1,6 @@
 """Loads on many pieces of faces at once: a force law, friction, skin friction; sums in vector registers.
 
-The pieces lie in columns (`_block`): normal and centroid at `faces`, a column every `stride` numbers; their
+The pieces lie in columns (`_block`): normal, centroid and arm at `faces`, a column every `stride` numbers; their
 wet areas are apart. Forces (3) and torques (3) are added to `sums`, body axes.
 """
 
@@ -15,7 +15,7 @@ from mjskip.hydro._block import (
     HEIGHT,
     LENGTH,
     LOCAL_GATE,
-    N_TRIANGLES,
+    STRIDE,
     FACES,
     NORMAL_SQUARED,
     OMEGA,
@@ -68,7 +68,7 @@ def add_sums(
 def _add_normal(
     block: Any, motion: Any, faces: Any, stride: int, areas: Any, count: int, waves: bool, sums: Any
 ) -> None:
-    """F = -S (a (V.n)^2 + b U (V.n) + c U^2) n with V.n = V_c.n + omega.(r x n)."""
+    """F = -S (a (V.n)^2 + b U (V.n) + c U^2) n with V.n = V_c.n + omega.(r x n), r x n kept as ARM."""
     vx, vy, vz = motion[VELOCITY], motion[VELOCITY + 1], motion[VELOCITY + 2]
     wx, wy, wz = motion[OMEGA], motion[OMEGA + 1], motion[OMEGA + 2]
     ux, uy, uz, rising = motion[UP], motion[UP + 1], motion[UP + 2], motion[RISING]
@@ -79,8 +79,7 @@ def _add_normal(
     fx = fy = fz = tx = ty = tz = 0.0
     for k in range(count):
         nx, ny, nz = faces[k], faces[k + stride], faces[k + 2 * stride]
-        rx, ry, rz = faces[k + 3 * stride], faces[k + 4 * stride], faces[k + 5 * stride]
-        mx, my, mz = ry * nz - rz * ny, rz * nx - rx * nz, rx * ny - ry * nx
+        mx, my, mz = faces[k + 6 * stride], faces[k + 7 * stride], faces[k + 8 * stride]
         vn_centre = vx * nx + vy * ny + vz * nz
         vn = vn_centre + wx * mx + wy * my + wz * mz
         if waves:
@@ -110,7 +109,7 @@ def _add_friction(
     for k in range(count):
         nx, ny, nz = faces[k], faces[k + stride], faces[k + 2 * stride]
         rx, ry, rz = faces[k + 3 * stride], faces[k + 4 * stride], faces[k + 5 * stride]
-        mx, my, mz = ry * nz - rz * ny, rz * nx - rx * nz, rx * ny - ry * nx
+        mx, my, mz = faces[k + 6 * stride], faces[k + 7 * stride], faces[k + 8 * stride]
         vn_centre = vx * nx + vy * ny + vz * nz
         vn = vn_centre + wx * mx + wy * my + wz * mz
         if waves:
@@ -172,7 +171,7 @@ def add_buoyancy(
 
     The columns of water on a closed body add up to the water it displaces.
     """
-    n = int(block[N_TRIANGLES])
+    n = int(block[STRIDE])
     z, ux, uy, uz = motion[HEIGHT], motion[UP], motion[UP + 1], motion[UP + 2]
     fx = fy = fz = tx = ty = tz = 0.0
     for i in range(count):

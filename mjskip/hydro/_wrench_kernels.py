@@ -9,7 +9,7 @@ are both turned round).
 
 The surface is still water at z = 0, or a *patch* (`_patch_kernels`) whose address is in the block's header.
 Over still water the faces that are quite under it are loaded straight from the block; those that the surface
-cuts are few, and their wet pieces are put into columns of their own, CHUNK at a time.
+cuts are few, and their wet pieces are put into columns of their own.
 """
 
 import math
@@ -17,16 +17,67 @@ from typing import Any
 
 import numpy as np
 
-from mjskip._compile.jit import kernel, vector_kernel
-from mjskip._compile.pointers import address_of, as_doubles, call_address, place_of, stack_doubles
+from mjskip._compile.jit import inlined, kernel, vector_kernel
+from mjskip._compile.pointers import address_of, as_doubles, as_words, call_address, place_of, stack_doubles
 from mjskip._compile.vector import select
-from mjskip.hydro._block import *
+from mjskip.hydro._block import (  # noqa: F401 (others read blocks by these names)
+    AIR_DENSITY as AIR_DENSITY,
+    AREA as AREA,
+    ARM as ARM,
+    CENTROID as CENTROID,
+    COLUMNS as COLUMNS,
+    CORNERS as CORNERS,
+    DISC_AREA as DISC_AREA,
+    DISC_CENTRE as DISC_CENTRE,
+    DISC_NORMAL as DISC_NORMAL,
+    FACES as FACES,
+    FORWARD as FORWARD,
+    FRICTION as FRICTION,
+    GROUP as GROUP,
+    HEADER as HEADER,
+    HEIGHT as HEIGHT,
+    LENGTH as LENGTH,
+    LOCAL_GATE as LOCAL_GATE,
+    MOTION as MOTION,
+    NORMAL as NORMAL,
+    NORMAL_SQUARED as NORMAL_SQUARED,
+    N_FACES as N_FACES,
+    OMEGA as OMEGA,
+    PATCH_HIGHEST as PATCH_HIGHEST,
+    PATCH_NX as PATCH_NX,
+    PATCH_NY as PATCH_NY,
+    PATCH_POINTS as PATCH_POINTS,
+    PATCH_RATE as PATCH_RATE,
+    PATCH_X as PATCH_X,
+    PATCH_Y as PATCH_Y,
+    PIECE as PIECE,
+    RADIUS as RADIUS,
+    RISE as RISE,
+    RISING as RISING,
+    SKIN_DENSITY as SKIN_DENSITY,
+    SPEED_NORMAL as SPEED_NORMAL,
+    SPEED_SQUARED as SPEED_SQUARED,
+    SPHERE as SPHERE,
+    STRIDE as STRIDE,
+    SURFACE as SURFACE,
+    UP as UP,
+    VELOCITY as VELOCITY,
+    VISCOSITY as VISCOSITY,
+    VOLUME as VOLUME,
+    VOLUME_CENTRE as VOLUME_CENTRE,
+    WEIGHT_DENSITY as WEIGHT_DENSITY,
+    WIDTH as WIDTH,
+)
 from mjskip.hydro._clip_kernels import column, immersed_part
 from mjskip.hydro._load_kernels import add_buoyancy, add_law, add_skin_friction, add_sums
 from mjskip.hydro._patch_kernels import patch_of, surface_at
+from mjskip.hydro.columns import WRENCH
 
-CHUNK = 256
-"""Faces that are looked at together."""
+RUN = 256
+"""Faces that are looked at together: groups on the same side of the surface."""
+
+PIECES = 520
+"""Room for wet pieces; columns a multiple of 4096 bytes apart would share their places in the cache."""
 
 
 @kernel
@@ -114,35 +165,46 @@ def body_wrench(block: Any, state: Any, out: Any) -> None:
 
 @kernel
 def _add_water(block: Any, state: Any, motion: Any, patch: Any, sums: Any) -> None:
-    """Count the loads of the water on all faces."""
-    n = int(block[N_TRIANGLES])
-    waves = patch.size > 0
-    piecewise = waves or block[FORWARD] != 0.0
-    sunk = not waves and motion[HEIGHT] < -block[RADIUS]
+    """Count the loads of the water on all faces, a run of groups at a time."""
+    n = int(block[STRIDE])
+    groups = (n + GROUP - 1) // GROUP
+    highest = patch[PATCH_HIGHEST] if patch.size > 0 else 0.0
+    sunk = patch.size == 0 and motion[HEIGHT] < -block[RADIUS]
     weight = 0.0 if sunk else block[WEIGHT_DENSITY]
-    below = as_doubles(stack_doubles(CHUNK))
-    areas = as_doubles(stack_doubles(CHUNK))
-    pieces = as_doubles(stack_doubles(PIECE * CHUNK))
-    for first in range(0, n, CHUNK):
-        count = min(CHUNK, n - first)
-        if piecewise:
+    whole = place_of(block, HEADER + AREA * n)
+    areas = as_doubles(stack_doubles(RUN))
+    below = as_doubles(stack_doubles(RUN))
+    pieces = as_doubles(stack_doubles((PIECE + 1) * PIECES))
+    found = 0
+    group = 0
+    while group < groups:
+        first = group * GROUP
+        side = _side_of(block, motion, highest, group)
+        group += 1
+        while group < groups and (group + 1) * GROUP - first <= RUN:
+            if _side_of(block, motion, highest, group) != side:
+                break
+            group += 1
+        count = min(group * GROUP, n) - first
+        if side == ABOVE:
+            continue
+        if patch.size > 0 or block[FORWARD] != 0.0:
             for i in range(count):
-                below[i] = 1.0  # every face is looked at
+                below[i] = 1.0  # a piece of every wet face
+        elif side == BELOW:
+            _add_whole_faces(block, motion, first, count, place_of(whole, first), weight, sums)
+            continue
         else:
-            _find_whole_faces(block, motion, first, count, below, areas)
-            faces = place_of(block, HEADER + FACES * n + first)
-            add_law(block, motion, faces, n, areas, count, False, sums)
-            add_skin_friction(block, motion, faces, n, areas, count, False, sums)
-            if weight != 0.0:
-                add_buoyancy(block, motion, first, count, areas, sums)
-        if not sunk or piecewise:
-            cut = _cut_faces(
-                block, state, motion, patch, first, count, below, weight, pieces, areas, sums
-            )
-            add_skin_friction(block, motion, pieces, CHUNK, areas, cut, waves, sums)
-            if block[FORWARD] != 0.0:
-                _move_ahead(block, state, motion, patch, pieces, cut)
-            add_law(block, motion, pieces, CHUNK, areas, cut, waves, sums)
+            _find_whole_faces(block, motion, first, count, weight, below, areas)
+            _add_whole_faces(block, motion, first, count, areas, weight, sums)
+        found = _cut_faces(
+            block, state, motion, patch, first, count, weight, below, pieces, found, sums
+        )
+        if found > PIECES - RUN - WIDTH:
+            _add_pieces(block, state, motion, patch, pieces, found, sums)
+            found = 0
+    if found > 0:
+        _add_pieces(block, state, motion, patch, pieces, found, sums)
     if sunk:
         # Archimedes: rho g V upwards through the centroid of the volume
         cx, cy, cz = block[VOLUME_CENTRE], block[VOLUME_CENTRE + 1], block[VOLUME_CENTRE + 2]
@@ -153,34 +215,45 @@ def _add_water(block: Any, state: Any, motion: Any, patch: Any, sums: Any) -> No
         )  # fmt: skip
 
 
+ABOVE, ACROSS, BELOW = 1, 0, -1
+
+
+@inlined
+def _side_of(block: Any, motion: Any, highest: float, group: int) -> int:
+    """Whether all faces of a group are surely above the surface, surely below it, or neither."""
+    k = HEADER + COLUMNS * int(block[STRIDE]) + SPHERE * group
+    h = motion[HEIGHT] + motion[UP] * block[k] + motion[UP + 1] * block[k + 1]
+    h += motion[UP + 2] * block[k + 2]
+    reach = block[k + 3] + highest
+    return ABOVE if h > reach else BELOW if h < -reach else ACROSS
+
+
 @kernel
-def _move_ahead(
-    block: Any, state: Any, motion: Any, patch: Any, pieces: Any, count: int
+def _add_whole_faces(
+    block: Any, motion: Any, first: int, count: int, areas: Any, weight: float, sums: Any
 ) -> None:
-    """Move the points where the loads of pieces act from their centroids to the pressure centres."""
-    z, ux, uy, uz = motion[HEIGHT], motion[UP], motion[UP + 1], motion[UP + 2]
-    vx, vy, vz = motion[VELOCITY], motion[VELOCITY + 1], motion[VELOCITY + 2]
-    for k in range(count):
-        nx, ny, nz = pieces[k], pieces[k + CHUNK], pieces[k + 2 * CHUNK]
-        rx, ry, rz = pieces[k + 3 * CHUNK], pieces[k + 4 * CHUNK], pieces[k + 5 * CHUNK]
-        depth = -(z + ux * rx + uy * ry + uz * rz)
-        if patch.size > 0:
-            depth += surface_at(patch, state, rx, ry, rz, 0)
-        rx, ry, rz = pressure_centre(
-            rx, ry, rz, nx, ny, nz, vx, vy, vz, ux, uy, uz, depth, block[RADIUS]
-        )
-        pieces[k + 3 * CHUNK], pieces[k + 4 * CHUNK], pieces[k + 5 * CHUNK] = rx, ry, rz
-        if patch.size > 0:
-            pieces[k + RISE * CHUNK] = surface_at(patch, state, rx, ry, rz, 1)
+    """Count the loads of faces that are quite under still water, straight from the block."""
+    n = int(block[STRIDE])
+    faces = place_of(block, HEADER + FACES * n + first)
+    add_law(block, motion, faces, n, areas, count, False, sums)
+    add_skin_friction(block, motion, faces, n, areas, count, False, sums)
+    if weight != 0.0:
+        add_buoyancy(block, motion, first, count, areas, sums)
 
 
 @vector_kernel
 def _find_whole_faces(
-    block: Any, motion: Any, first: int, count: int, below: Any, areas: Any
+    block: Any, motion: Any, first: int, count: int, weight: float, below: Any, areas: Any
 ) -> None:
-    """How many corners of each face are under water, h = z + u.r < 0, and the area if all are."""
-    n = int(block[N_TRIANGLES])
+    """The area of a face that is quite under water, else 0; how many corners are if it must be cut.
+
+    Heights are h = z + u.r. A face that the paper's gate leaves without load need not be cut for a law alone.
+    """
+    n = int(block[STRIDE])
     z, ux, uy, uz = motion[HEIGHT], motion[UP], motion[UP + 1], motion[UP + 2]
+    vx, vy, vz = motion[VELOCITY], motion[VELOCITY + 1], motion[VELOCITY + 2]
+    every = block[LOCAL_GATE] != 0.0 or weight != 0.0 or block[SKIN_DENSITY] != 0.0
+    least = -np.inf if every else 0.0
     for i in range(count):
         k = HEADER + first + i
         ha = z + ux * block[k] + uy * block[k + n] + uz * block[k + 2 * n]
@@ -189,27 +262,32 @@ def _find_whole_faces(
         corners = select(ha < 0.0, 1.0, 0.0) + select(hb < 0.0, 1.0, 0.0)
         corners += select(hc < 0.0, 1.0, 0.0)
         areas[i] = select(corners == 3.0, block[k + AREA * n], 0.0)
+        k += FACES * n
+        vn = vx * block[k] + vy * block[k + n] + vz * block[k + 2 * n]
+        corners = select(vn >= least, corners, 0.0)
         below[i] = select(corners == 3.0, 0.0, corners)
 
 
 @kernel
 def _cut_faces(
-    block: Any, state: Any, motion: Any, patch: Any, first: int, count: int, below: Any,
-    weight: float, pieces: Any, areas: Any, sums: Any,
+    block: Any, state: Any, motion: Any, patch: Any, first: int, count: int, weight: float,
+    below: Any, pieces: Any, found: int, sums: Any,
 ) -> int:  # fmt: skip
-    """Put the wet pieces of faces whose `below` is not zero into columns; how many there are.
+    """Append the wet pieces of faces whose `below` is not zero to the columns; how many there are now.
 
     Their buoyancy, pressure -rho g h integrated exactly over the immersed polygon, is added to the sums.
     """
-    n = int(block[N_TRIANGLES])
+    n = int(block[STRIDE])
     z, ux, uy, uz = motion[HEIGHT], motion[UP], motion[UP + 1], motion[UP + 2]
     waves = patch.size > 0
-    found = 0
+    chosen = as_words(stack_doubles(RUN))
+    many = 0
+    for i in range(count):  # without a branch
+        chosen[many] = HEADER + first + i
+        many += int(below[i] != 0.0)
     fx = fy = fz = tx = ty = tz = 0.0
-    for i in range(count):
-        if below[i] == 0.0:
-            continue
-        k = HEADER + first + i
+    for i in range(many):
+        k = chosen[i]
         ax, ay, az = block[k], block[k + n], block[k + 2 * n]
         bx, by, bz = block[k + 3 * n], block[k + 4 * n], block[k + 5 * n]
         cx, cy, cz = block[k + 6 * n], block[k + 7 * n], block[k + 8 * n]
@@ -220,19 +298,18 @@ def _cut_faces(
             ha -= surface_at(patch, state, ax, ay, az, 0)
             hb -= surface_at(patch, state, bx, by, bz, 0)
             hc -= surface_at(patch, state, cx, cy, cz, 0)
-        if ha >= 0.0 and hb >= 0.0 and hc >= 0.0:
+        fraction, rx, ry, rz = immersed_part(ax, ay, az, ha, bx, by, bz, hb, cx, cy, cz, hc)
+        if fraction == 0.0:
             continue
         whole = block[k + AREA * n]
         k += FACES * n
         nx, ny, nz = block[k], block[k + n], block[k + 2 * n]
-        fraction, rx, ry, rz = immersed_part(ax, ay, az, ha, bx, by, bz, hb, cx, cy, cz, hc)
-        areas[found] = fraction * whole
-        pieces[found], pieces[found + CHUNK], pieces[found + 2 * CHUNK] = nx, ny, nz
-        pieces[found + 3 * CHUNK] = rx
-        pieces[found + 4 * CHUNK] = ry
-        pieces[found + 5 * CHUNK] = rz
+        pieces[found + PIECE * PIECES] = fraction * whole
+        _put(pieces, found + NORMAL * PIECES, nx, ny, nz)
+        _put(pieces, found + CENTROID * PIECES, rx, ry, rz)
+        _put(pieces, found + ARM * PIECES, ry * nz - rz * ny, rz * nx - rx * nz, rx * ny - ry * nx)
         if waves:
-            pieces[found + RISE * CHUNK] = surface_at(patch, state, rx, ry, rz, 1)
+            pieces[found + RISE * PIECES] = surface_at(patch, state, rx, ry, rz, 1)
         found += 1
         if weight != 0.0:
             height, mx, my, mz = column(ax, ay, az, ha, bx, by, bz, hb, cx, cy, cz, hc)
@@ -245,6 +322,51 @@ def _cut_faces(
             tz += whole * (mx * ny - my * nx)
     add_sums(sums, weight, fx, fy, fz, tx, ty, tz)
     return found
+
+
+@inlined
+def _put(pieces: Any, k: int, x: float, y: float, z: float) -> None:
+    """Write a vector of a piece."""
+    pieces[k], pieces[k + PIECES], pieces[k + 2 * PIECES] = x, y, z
+
+
+@kernel
+def _add_pieces(
+    block: Any, state: Any, motion: Any, patch: Any, pieces: Any, count: int, sums: Any
+) -> None:
+    """Count the loads of the wet pieces; the columns are filled up to whole vectors."""
+    waves = patch.size > 0
+    areas = place_of(pieces, PIECE * PIECES)
+    while count % WIDTH != 0:
+        for k in range(PIECE + 1):
+            pieces[k * PIECES + count] = 0.0
+        count += 1
+    add_skin_friction(block, motion, pieces, PIECES, areas, count, waves, sums)
+    if block[FORWARD] != 0.0:
+        _move_ahead(block, state, motion, patch, pieces, count)
+    add_law(block, motion, pieces, PIECES, areas, count, waves, sums)
+
+
+@kernel
+def _move_ahead(
+    block: Any, state: Any, motion: Any, patch: Any, pieces: Any, count: int
+) -> None:
+    """Move the points where the loads of pieces act from their centroids to the pressure centres."""
+    z, ux, uy, uz = motion[HEIGHT], motion[UP], motion[UP + 1], motion[UP + 2]
+    vx, vy, vz = motion[VELOCITY], motion[VELOCITY + 1], motion[VELOCITY + 2]
+    for k in range(count):
+        nx, ny, nz = pieces[k], pieces[k + PIECES], pieces[k + 2 * PIECES]
+        rx, ry, rz = pieces[k + 3 * PIECES], pieces[k + 4 * PIECES], pieces[k + 5 * PIECES]
+        depth = -(z + ux * rx + uy * ry + uz * rz)
+        if patch.size > 0:
+            depth += surface_at(patch, state, rx, ry, rz, 0)
+        rx, ry, rz = pressure_centre(
+            rx, ry, rz, nx, ny, nz, vx, vy, vz, ux, uy, uz, depth, block[RADIUS]
+        )
+        _put(pieces, k + ARM * PIECES, ry * nz - rz * ny, rz * nx - rx * nz, rx * ny - ry * nx)
+        _put(pieces, k + CENTROID * PIECES, rx, ry, rz)
+        if patch.size > 0:
+            pieces[k + RISE * PIECES] = surface_at(patch, state, rx, ry, rz, 1)
 
 
 @kernel
@@ -261,12 +383,12 @@ def body_immersion(block: Any, state: Any, out: Any) -> None:
     Of the whole surface, loaded or not. The centroid of a dry body is its centre of mass.
     """
     ux, uy, uz, z = state[9], state[10], state[11], state[2]
-    n = int(block[N_TRIANGLES])
+    n = int(block[STRIDE])
     patch = patch_of(block)
     waves = patch.size > 0
     total = mx = my = mz = 0.0
     lowest = np.inf
-    for i in range(n):
+    for i in range(int(block[N_FACES])):
         k = HEADER + i
         ax, ay, az = block[k], block[k + n], block[k + 2 * n]
         bx, by, bz = block[k + 3 * n], block[k + 4 * n], block[k + 5 * n]
@@ -298,7 +420,7 @@ def body_immersion(block: Any, state: Any, out: Any) -> None:
 
 
 @kernel
-def observe(wrench: int, immersion: int, block: Any, states: Any, out: Any) -> None:
+def wrench_and_immersion(wrench: int, immersion: int, block: Any, states: Any, out: Any) -> None:
     """Wrench (12) and immersion (5) of every row of states (n, 18) into out (n, 17), by address."""
     for i in range(states.shape[0]):
         state, row = address_of(states[i]), address_of(out[i])

@@ -14,10 +14,12 @@ from numba import types
 from mjskip._compile.jit import native
 from mjskip._compile.pointers import F8P, address_of_cfunc
 from mjskip.hydro import _wrench_kernels as kernels
+from mjskip.hydro.columns import LOAD, load_columns
 from mjskip.hydro.laws import LAWS
 from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
 from mjskip.rigid.attitude import matrices
+from mjskip.rigid.state import pack_states
 
 Array = npt.NDArray[np.float64]
 
@@ -83,67 +85,93 @@ def wrench(
 
 def wrench_of(block: Array, states: Array) -> Wrench:
     """The same for a packed stone and the first of its packed states."""
-    row = observe(block, states[:1])[0]
-    return Wrench(
-        force=row[0:3],
-        torque=row[3:6],
-        air_force=row[6:9],
-        air_torque=row[9:12],
-        wetted_area=float(row[12]),
-        wetted_centre=row[13:16],
-        clearance=float(row[16]),
-    )
+    row = load_columns(wrench_and_immersion(block, states[:1])[0])._asdict()
+    row |= {"wetted_area": float(row["wetted_area"]), "clearance": float(row["clearance"])}
+    return Wrench(**row)
 
 
 def pack(stone: Stone, water: Water, *, gravity: float = 9.81) -> Array:
     """The block of doubles that the kernels know a stone in its water by; gravity [m/s^2] for buoyancy."""
     law = LAWS[water.law]
-    areas = np.linalg.norm(stone.area_vectors, axis=1)
-    block = np.zeros(kernels.HEADER + len(stone.faces) * kernels.COLUMNS)
-    block[kernels.N_TRIANGLES] = len(stone.faces)
-    block[kernels.RADIUS] = stone.radius
-    block[kernels.LOCAL_GATE] = water.gate == "local"
-    block[kernels.NORMAL_SQUARED] = water.density * law.normal_squared
-    block[kernels.SPEED_NORMAL] = water.density * law.speed_normal
-    block[kernels.SPEED_SQUARED] = water.density * law.speed_squared
-    block[kernels.FRICTION] = water.density * law.friction
-    block[kernels.FORWARD] = law.forward
-    block[kernels.WEIGHT_DENSITY] = water.density * gravity if water.buoyancy else 0.0
-    block[kernels.SKIN_DENSITY] = water.density if water.skin_friction else 0.0
-    block[kernels.VISCOSITY] = water.viscosity
-    block[kernels.LENGTH] = 2.0 * np.sqrt(stone.disc_area / np.pi)
-    block[kernels.AIR_DENSITY] = water.air_density
-    block[kernels.DISC_AREA] = stone.disc_area
-    block[kernels.DISC_NORMAL : kernels.DISC_NORMAL + 3] = stone.disc_normal
-    block[kernels.DISC_CENTRE : kernels.DISC_CENTRE + 3] = stone.disc_centre
-    volume, centre = _volume(stone)
-    block[kernels.VOLUME] = volume
-    block[kernels.VOLUME_CENTRE : kernels.VOLUME_CENTRE + 3] = centre
-    columns = block[kernels.HEADER :].reshape(kernels.COLUMNS, -1)
-    columns[kernels.CORNERS : kernels.AREA] = stone.triangles.reshape(-1, 9).T
-    columns[kernels.AREA] = areas
-    faces = columns[kernels.FACES :]
-    faces[kernels.NORMAL : kernels.CENTROID] = (stone.area_vectors / areas[:, None]).T
-    faces[kernels.CENTROID :] = stone.triangles.mean(axis=1).T
-    return block
+    header = np.zeros(kernels.HEADER)
+    header[kernels.RADIUS] = stone.radius
+    header[kernels.LOCAL_GATE] = water.gate == "local"
+    header[kernels.NORMAL_SQUARED] = water.density * law.normal_squared
+    header[kernels.SPEED_NORMAL] = water.density * law.speed_normal
+    header[kernels.SPEED_SQUARED] = water.density * law.speed_squared
+    header[kernels.FRICTION] = water.density * law.friction
+    header[kernels.FORWARD] = law.forward
+    header[kernels.WEIGHT_DENSITY] = water.density * gravity if water.buoyancy else 0.0
+    header[kernels.SKIN_DENSITY] = water.density if water.skin_friction else 0.0
+    header[kernels.VISCOSITY] = water.viscosity
+    header[kernels.LENGTH] = 2.0 * np.sqrt(stone.disc_area / np.pi)
+    header[kernels.AIR_DENSITY] = water.air_density
+    header[kernels.DISC_AREA] = stone.disc_area
+    header[kernels.DISC_NORMAL : kernels.DISC_NORMAL + 3] = stone.disc_normal
+    header[kernels.DISC_CENTRE : kernels.DISC_CENTRE + 3] = stone.disc_centre
+    return block_of(header, stone.triangles)
 
 
-def _volume(stone: Stone) -> tuple[float, Array]:
-    """Volume inside the mesh [m^3] and its centroid (3,), by tetrahedra from the centre of mass."""
-    volumes = np.linalg.det(stone.triangles) / 6.0
-    volume = float(volumes.sum())
-    return volume, volumes @ stone.triangles.sum(axis=1) / (4.0 * volume)
+def block_of(header: Array, triangles: Array) -> Array:
+    """A block with this header (of any block) and these triangles (n, 3, 3), counter-clockwise from outside."""
+    triangles = triangles[_by_place(triangles.mean(axis=1))]
+    a, b, c = np.moveaxis(triangles, 1, 0)
+    vectors = 0.5 * np.cross(b - a, c - a)
+    areas = np.linalg.norm(vectors, axis=1)
+    volumes = np.linalg.det(triangles) / 6.0
+    n = len(triangles)
+    fill = (kernels.WIDTH - n) % (2 * kernels.WIDTH)
+    header = header[: kernels.HEADER].copy()
+    header[kernels.N_FACES], header[kernels.STRIDE] = n, n + fill
+    header[kernels.VOLUME] = volumes.sum()
+    centre = volumes @ triangles.sum(axis=1) / (4.0 * volumes.sum())
+    header[kernels.VOLUME_CENTRE : kernels.VOLUME_CENTRE + 3] = centre
+    normals, centroids = vectors / areas[:, None], triangles.mean(axis=1)
+    columns = np.column_stack(
+        [triangles.reshape(-1, 9), areas, normals, centroids, np.cross(centroids, normals)]
+    )
+    last = np.zeros((fill, kernels.COLUMNS))
+    last[:, : kernels.AREA] = np.tile(triangles[-1, 0], 3)
+    spheres = [
+        _sphere(triangles[k : k + kernels.GROUP].reshape(-1, 3)) for k in range(0, n, kernels.GROUP)
+    ]
+    return np.concatenate([header, np.vstack([columns, last]).T.ravel(), *spheres])
 
 
-def pack_states(x: Array, rotation: Array, velocity: Array, omega: Array) -> Array:
-    """States (n, 18) for the kernels from (n, 3), (n, 3, 3), (n, 3) and (n, 3), world frame."""
-    return np.hstack([x, rotation.reshape(-1, 9), velocity, omega])
+def triangles_of(block: Array) -> Array:
+    """The triangles (n, 3, 3) of a block, in its order."""
+    columns = block[kernels.HEADER :][: kernels.AREA * int(block[kernels.STRIDE])]
+    return columns.reshape(kernels.AREA, -1).T[: int(block[kernels.N_FACES])].reshape(-1, 3, 3)
 
 
-def observe(block: Array, states: Array) -> Array:
-    """Wrench (12), wetted area, its centroid (3) and clearance of every state: (n, 17)."""
-    out = np.empty((len(states), kernels.WRENCH + 5))
-    kernels.observe(wrench_address(), immersion_address(), block, states, out)
+def _by_place(centroids: Array) -> npt.NDArray[np.intp]:
+    """An order (n,) in which the faces of a group lie near each other: halved across the longest side."""
+    done: list[npt.NDArray[np.intp]] = []
+    waiting = [np.arange(len(centroids))]
+    while waiting:
+        faces = waiting.pop()
+        groups = -(-len(faces) // kernels.GROUP)
+        if groups == 1:
+            done.append(faces)
+            continue
+        axis = np.argmax(np.ptp(centroids[faces], axis=0))
+        faces = faces[np.argsort(centroids[faces, axis], kind="stable")]
+        half = groups // 2 * kernels.GROUP
+        waiting += [faces[half:], faces[:half]]
+    return np.concatenate(done)
+
+
+def _sphere(points: Array) -> Array:
+    """Centre and radius (4,) of a sphere about points (n, 3), with a hair for rounding."""
+    centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    radius = np.linalg.norm(points - centre, axis=1).max()
+    return np.array([*centre, (1.0 + 1e-9) * radius])
+
+
+def wrench_and_immersion(block: Array, states: Array) -> Array:
+    """Rows (n, 17) of every state (n, 18); see `mjskip.hydro.columns`."""
+    out = np.empty((len(states), LOAD))
+    kernels.wrench_and_immersion(wrench_address(), immersion_address(), block, states, out)
     return out
 
 
@@ -153,7 +181,7 @@ def wrench_address() -> int:
 
 
 def immersion_address() -> int:
-    """The same for the five numbers that `observe` adds to the wrench."""
+    """The same for the five numbers that `wrench_and_immersion` adds to the wrench."""
     return entry_address(kernels._immersion_entry)
 
 
