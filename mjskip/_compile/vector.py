@@ -49,4 +49,5 @@ def log10(x: float) -> float:
     t = q * (1 / 13 + q * (1 / 15 + q * (1 / 17 + q / 19)))
     t = q * (1 / 3 + q * (1 / 5 + q * (1 / 7 + q * (1 / 9 + q * (1 / 11 + t)))))
     whole = _double_of(MAGIC + power) - 4503599627370496.0
-    return LOG10_E * (2.0 * (s + s * t) + LN_2 * whole)
+    found: float = LOG10_E * (2.0 * (s + s * t) + LN_2 * whole)
+    return found

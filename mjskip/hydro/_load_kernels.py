@@ -10,13 +10,12 @@ from typing import Any
 from mjskip._compile.jit import inlined, vector_kernel
 from mjskip._compile.vector import log10, select
 from mjskip.hydro._block import (
+    FACES,
     FRICTION,
     HEADER,
     HEIGHT,
     LENGTH,
     LOCAL_GATE,
-    STRIDE,
-    FACES,
     NORMAL_SQUARED,
     OMEGA,
     RISE,
@@ -24,6 +23,7 @@ from mjskip.hydro._block import (
     SKIN_DENSITY,
     SPEED_NORMAL,
     SPEED_SQUARED,
+    STRIDE,
     UP,
     VELOCITY,
     VISCOSITY,
@@ -85,6 +85,7 @@ def _add_normal(
         if waves:
             vn -= (faces[k + RISE * stride] - rising) * (ux * nx + uy * ny + uz * nz)
         load = areas[k] * (squared * vn * vn + linear * vn + constant)
+        load = select(areas[k] > 0.0, load, 0.0)  # what is dry stays so where the bracket overflows
         # the gate: a face that advances itself, or one turned to the motion of the centre
         load = select(vn > 0.0, load, 0.0) if local else select(vn_centre >= 0.0, load, 0.0)
         fx += load * nx
@@ -134,7 +135,7 @@ def _add_skin_friction(
 ) -> None:
     """Skin friction on every immersed face, V_t the velocity there along it (ITTC 1957).
 
-        F = -1/2 rho C_f |V_t| V_t S,  C_f = 0.075 / (log10 Re - 2)^2,  Re = |V_t| L / nu, at least 1000
+    F = -1/2 rho C_f |V_t| V_t S,  C_f = 0.075 / (log10 Re - 2)^2,  Re = |V_t| L / nu, at least 1000
     """
     vx, vy, vz = motion[VELOCITY], motion[VELOCITY + 1], motion[VELOCITY + 2]
     wx, wy, wz = motion[OMEGA], motion[OMEGA + 1], motion[OMEGA + 2]
@@ -164,9 +165,7 @@ def _add_skin_friction(
 
 
 @vector_kernel
-def add_buoyancy(
-    block: Any, motion: Any, first: int, count: int, areas: Any, sums: Any
-) -> None:
+def add_buoyancy(block: Any, motion: Any, first: int, count: int, areas: Any, sums: Any) -> None:
     """dF = rho g h n dS on faces quite under water, h their height above it; exact for force and torque.
 
     The columns of water on a closed body add up to the water it displaces.

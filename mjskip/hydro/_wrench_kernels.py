@@ -18,55 +18,48 @@ from typing import Any
 import numpy as np
 
 from mjskip._compile.jit import inlined, kernel, vector_kernel
-from mjskip._compile.pointers import address_of, as_doubles, as_words, call_address, place_of, stack_doubles
+from mjskip._compile.pointers import (
+    address_of,
+    as_doubles,
+    as_words,
+    call_address,
+    place_of,
+    stack_doubles,
+)
 from mjskip._compile.vector import select
-from mjskip.hydro._block import (  # noqa: F401 (others read blocks by these names)
-    AIR_DENSITY as AIR_DENSITY,
-    AREA as AREA,
-    ARM as ARM,
-    CENTROID as CENTROID,
-    COLUMNS as COLUMNS,
-    CORNERS as CORNERS,
-    DISC_AREA as DISC_AREA,
-    DISC_CENTRE as DISC_CENTRE,
-    DISC_NORMAL as DISC_NORMAL,
-    FACES as FACES,
-    FORWARD as FORWARD,
-    FRICTION as FRICTION,
-    GROUP as GROUP,
-    HEADER as HEADER,
-    HEIGHT as HEIGHT,
-    LENGTH as LENGTH,
-    LOCAL_GATE as LOCAL_GATE,
-    MOTION as MOTION,
-    NORMAL as NORMAL,
-    NORMAL_SQUARED as NORMAL_SQUARED,
-    N_FACES as N_FACES,
-    OMEGA as OMEGA,
-    PATCH_HIGHEST as PATCH_HIGHEST,
-    PATCH_NX as PATCH_NX,
-    PATCH_NY as PATCH_NY,
-    PATCH_POINTS as PATCH_POINTS,
-    PATCH_RATE as PATCH_RATE,
-    PATCH_X as PATCH_X,
-    PATCH_Y as PATCH_Y,
-    PIECE as PIECE,
-    RADIUS as RADIUS,
-    RISE as RISE,
-    RISING as RISING,
-    SKIN_DENSITY as SKIN_DENSITY,
-    SPEED_NORMAL as SPEED_NORMAL,
-    SPEED_SQUARED as SPEED_SQUARED,
-    SPHERE as SPHERE,
-    STRIDE as STRIDE,
-    SURFACE as SURFACE,
-    UP as UP,
-    VELOCITY as VELOCITY,
-    VISCOSITY as VISCOSITY,
-    VOLUME as VOLUME,
-    VOLUME_CENTRE as VOLUME_CENTRE,
-    WEIGHT_DENSITY as WEIGHT_DENSITY,
-    WIDTH as WIDTH,
+from mjskip.hydro._block import (
+    AIR_DENSITY,
+    AREA,
+    ARM,
+    CENTROID,
+    COLUMNS,
+    DISC_AREA,
+    DISC_CENTRE,
+    DISC_NORMAL,
+    FACES,
+    FORWARD,
+    GROUP,
+    HEADER,
+    HEIGHT,
+    LOCAL_GATE,
+    MOTION,
+    N_FACES,
+    NORMAL,
+    OMEGA,
+    PATCH_HIGHEST,
+    PIECE,
+    RADIUS,
+    RISE,
+    RISING,
+    SKIN_DENSITY,
+    SPHERE,
+    STRIDE,
+    UP,
+    VELOCITY,
+    VOLUME,
+    VOLUME_CENTRE,
+    WEIGHT_DENSITY,
+    WIDTH,
 )
 from mjskip.hydro._clip_kernels import column, immersed_part
 from mjskip.hydro._load_kernels import add_buoyancy, add_law, add_skin_friction, add_sums
@@ -337,20 +330,19 @@ def _add_pieces(
     """Count the loads of the wet pieces; the columns are filled up to whole vectors."""
     waves = patch.size > 0
     areas = place_of(pieces, PIECE * PIECES)
-    while count % WIDTH != 0:
+    filled = count
+    while filled % WIDTH != 0:
         for k in range(PIECE + 1):
-            pieces[k * PIECES + count] = 0.0
-        count += 1
-    add_skin_friction(block, motion, pieces, PIECES, areas, count, waves, sums)
+            pieces[k * PIECES + filled] = 0.0
+        filled += 1
+    add_skin_friction(block, motion, pieces, PIECES, areas, filled, waves, sums)
     if block[FORWARD] != 0.0:
         _move_ahead(block, state, motion, patch, pieces, count)
-    add_law(block, motion, pieces, PIECES, areas, count, waves, sums)
+    add_law(block, motion, pieces, PIECES, areas, filled, waves, sums)
 
 
 @kernel
-def _move_ahead(
-    block: Any, state: Any, motion: Any, patch: Any, pieces: Any, count: int
-) -> None:
+def _move_ahead(block: Any, state: Any, motion: Any, patch: Any, pieces: Any, count: int) -> None:
     """Move the points where the loads of pieces act from their centroids to the pressure centres."""
     z, ux, uy, uz = motion[HEIGHT], motion[UP], motion[UP + 1], motion[UP + 2]
     vx, vy, vz = motion[VELOCITY], motion[VELOCITY + 1], motion[VELOCITY + 2]

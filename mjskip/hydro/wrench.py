@@ -13,6 +13,7 @@ from numba import types
 
 from mjskip._compile.jit import native
 from mjskip._compile.pointers import F8P, address_of_cfunc
+from mjskip.hydro import _block as layout
 from mjskip.hydro import _wrench_kernels as kernels
 from mjskip.hydro.columns import LOAD, load_columns
 from mjskip.hydro.laws import LAWS
@@ -93,22 +94,22 @@ def wrench_of(block: Array, states: Array) -> Wrench:
 def pack(stone: Stone, water: Water, *, gravity: float = 9.81) -> Array:
     """The block of doubles that the kernels know a stone in its water by; gravity [m/s^2] for buoyancy."""
     law = LAWS[water.law]
-    header = np.zeros(kernels.HEADER)
-    header[kernels.RADIUS] = stone.radius
-    header[kernels.LOCAL_GATE] = water.gate == "local"
-    header[kernels.NORMAL_SQUARED] = water.density * law.normal_squared
-    header[kernels.SPEED_NORMAL] = water.density * law.speed_normal
-    header[kernels.SPEED_SQUARED] = water.density * law.speed_squared
-    header[kernels.FRICTION] = water.density * law.friction
-    header[kernels.FORWARD] = law.forward
-    header[kernels.WEIGHT_DENSITY] = water.density * gravity if water.buoyancy else 0.0
-    header[kernels.SKIN_DENSITY] = water.density if water.skin_friction else 0.0
-    header[kernels.VISCOSITY] = water.viscosity
-    header[kernels.LENGTH] = 2.0 * np.sqrt(stone.disc_area / np.pi)
-    header[kernels.AIR_DENSITY] = water.air_density
-    header[kernels.DISC_AREA] = stone.disc_area
-    header[kernels.DISC_NORMAL : kernels.DISC_NORMAL + 3] = stone.disc_normal
-    header[kernels.DISC_CENTRE : kernels.DISC_CENTRE + 3] = stone.disc_centre
+    header = np.zeros(layout.HEADER)
+    header[layout.RADIUS] = stone.radius
+    header[layout.LOCAL_GATE] = water.gate == "local"
+    header[layout.NORMAL_SQUARED] = water.density * law.normal_squared
+    header[layout.SPEED_NORMAL] = water.density * law.speed_normal
+    header[layout.SPEED_SQUARED] = water.density * law.speed_squared
+    header[layout.FRICTION] = water.density * law.friction
+    header[layout.FORWARD] = law.forward
+    header[layout.WEIGHT_DENSITY] = water.density * gravity if water.buoyancy else 0.0
+    header[layout.SKIN_DENSITY] = water.density if water.skin_friction else 0.0
+    header[layout.VISCOSITY] = water.viscosity
+    header[layout.LENGTH] = 2.0 * np.sqrt(stone.disc_area / np.pi)
+    header[layout.AIR_DENSITY] = water.air_density
+    header[layout.DISC_AREA] = stone.disc_area
+    header[layout.DISC_NORMAL : layout.DISC_NORMAL + 3] = stone.disc_normal
+    header[layout.DISC_CENTRE : layout.DISC_CENTRE + 3] = stone.disc_centre
     return block_of(header, stone.triangles)
 
 
@@ -120,28 +121,28 @@ def block_of(header: Array, triangles: Array) -> Array:
     areas = np.linalg.norm(vectors, axis=1)
     volumes = np.linalg.det(triangles) / 6.0
     n = len(triangles)
-    fill = (kernels.WIDTH - n) % (2 * kernels.WIDTH)
-    header = header[: kernels.HEADER].copy()
-    header[kernels.N_FACES], header[kernels.STRIDE] = n, n + fill
-    header[kernels.VOLUME] = volumes.sum()
+    fill = (layout.WIDTH - n) % (2 * layout.WIDTH)
+    header = header[: layout.HEADER].copy()
+    header[layout.N_FACES], header[layout.STRIDE] = n, n + fill
+    header[layout.VOLUME] = volumes.sum()
     centre = volumes @ triangles.sum(axis=1) / (4.0 * volumes.sum())
-    header[kernels.VOLUME_CENTRE : kernels.VOLUME_CENTRE + 3] = centre
+    header[layout.VOLUME_CENTRE : layout.VOLUME_CENTRE + 3] = centre
     normals, centroids = vectors / areas[:, None], triangles.mean(axis=1)
     columns = np.column_stack(
         [triangles.reshape(-1, 9), areas, normals, centroids, np.cross(centroids, normals)]
     )
-    last = np.zeros((fill, kernels.COLUMNS))
-    last[:, : kernels.AREA] = np.tile(triangles[-1, 0], 3)
+    last = np.zeros((fill, layout.COLUMNS))
+    last[:, : layout.AREA] = np.tile(triangles[-1, 0], 3)
     spheres = [
-        _sphere(triangles[k : k + kernels.GROUP].reshape(-1, 3)) for k in range(0, n, kernels.GROUP)
+        _sphere(triangles[k : k + layout.GROUP].reshape(-1, 3)) for k in range(0, n, layout.GROUP)
     ]
     return np.concatenate([header, np.vstack([columns, last]).T.ravel(), *spheres])
 
 
 def triangles_of(block: Array) -> Array:
     """The triangles (n, 3, 3) of a block, in its order."""
-    columns = block[kernels.HEADER :][: kernels.AREA * int(block[kernels.STRIDE])]
-    return columns.reshape(kernels.AREA, -1).T[: int(block[kernels.N_FACES])].reshape(-1, 3, 3)
+    columns = block[layout.HEADER :][: layout.AREA * int(block[layout.STRIDE])]
+    return columns.reshape(layout.AREA, -1).T[: int(block[layout.N_FACES])].reshape(-1, 3, 3)
 
 
 def _by_place(centroids: Array) -> npt.NDArray[np.intp]:
@@ -150,13 +151,13 @@ def _by_place(centroids: Array) -> npt.NDArray[np.intp]:
     waiting = [np.arange(len(centroids))]
     while waiting:
         faces = waiting.pop()
-        groups = -(-len(faces) // kernels.GROUP)
+        groups = -(-len(faces) // layout.GROUP)
         if groups == 1:
             done.append(faces)
             continue
         axis = np.argmax(np.ptp(centroids[faces], axis=0))
         faces = faces[np.argsort(centroids[faces, axis], kind="stable")]
-        half = groups // 2 * kernels.GROUP
+        half = groups // 2 * layout.GROUP
         waiting += [faces[half:], faces[:half]]
     return np.concatenate(done)
 

@@ -17,15 +17,16 @@ rate (z_free[n+1] - z[n-1]) / (2 dt) and open cells (0 on land, else 1), arrays 
 the water is still.
 
 A *face* is a row of FACE doubles, see the constants. *Spots* are rows of first cell (2) and side^2 weights.
-Blocks of bodies and their states are those of `mjskip.hydro._wrench_kernels`.
+Blocks of bodies and their states are those of `mjskip.hydro._block`.
 """
 
 import math
 from typing import Any
 
 from mjskip._compile.jit import kernel
-from mjskip.hydro import _wrench_kernels as hydro
-from mjskip.hydro._wrench_kernels import immersed_part, pressure_centre
+from mjskip.hydro import _block as hydro
+from mjskip.hydro._clip_kernels import immersed_part
+from mjskip.hydro._wrench_kernels import pressure_centre
 from mjskip.rigid._rigid_kernels import motion
 
 POINT_X, POINT_Y = 0, 1  # where the load acts, world [m]

@@ -30,7 +30,7 @@ from scipy.interpolate import CubicSpline
 from scipy.special import j0, jv
 
 from mjskip._typing import Array
-from mjskip.hydro import _wrench_kernels as hydro
+from mjskip.hydro import _block as hydro
 from mjskip.hydro.laws import LAWS, ForceLaw
 from mjskip.hydro.wrench import block_of, triangles_of
 from mjskip.waves import _coupling_kernels as kernels
