@@ -8,8 +8,9 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from mjskip.waves import FloatArray, SurfaceArray, SurfaceSample
-from mjskip.waves import _tile_kernels as tiles
+from mjskip.waves.field import SurfaceSample
+from mjskip.waves.dense import FloatArray, SurfaceArray
+from mjskip.waves import _lake_kernels as tiles
 from mjskip.waves import _wave_kernels as kernels
 from mjskip.waves._grid import (
     checked_finite,
