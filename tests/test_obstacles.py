@@ -104,27 +104,6 @@ def islands(x, y):
     return disc | pier | ((abs(x - 0.61) < 0.01) & (abs(y - 0.61) < 0.01))
 
 
-def test_around_land_a_lake_of_tiles_is_the_dense_field_to_rounding():
-    field = HeightField((128, 128))
-    land = islands(field.x, field.y)
-    field = HeightField((128, 128), terrain_mask=land)
-    lake = Lake((128, 128), land=islands, sleep_amplitude=0.0)
-    for water in (field, lake):
-        water.displace(0.5, 0.3, height=0.01, radius=0.3)
-        water.advance(0.1)
-        water.press(0.2, 0.1, force=5.0, radius=0.1)  # partly on the disc
-        water.press(1.0, -1.0, force=5.0, radius=0.1)  # partly on the pier, at the wall
-        water.advance(0.05)
-        water.step(0.01)
-        water.advance(0.6)
-    level, _, _ = lake.window(0.0, 0.0, (128, 128))
-    assert land.any()
-    assert abs(level).max() > 1e-3
-    assert not level[land].any()
-    # Tiles without land take the plain sum, another order of the same: a last bit of 1 cm is 9e-10 m.
-    np.testing.assert_allclose(level, field.elevation, rtol=0.0, atol=3e-9)
-
-
 def test_a_reaction_on_the_shore_is_the_load_that_a_dense_field_knows():
     field = HeightField((128, 128))
     field = HeightField((128, 128), terrain_mask=islands(field.x, field.y))

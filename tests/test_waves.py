@@ -1,7 +1,6 @@
 """The water surface obeys the damped wave equation, its exact laws and its exact limits."""
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
@@ -123,7 +122,9 @@ def test_the_general_step_is_the_same_scheme_as_the_fast_one():
         around, np.ones((n + 2, n + 2), np.float32), slow, 0, n, 0, n, np.float32(1), m, r,
         np.float32(2 / 3), np.float32(1 / 6), none, none, np.float32(0),
     )  # fmt: skip
-    kernels.step_fast(tiles.first, tiles.second, tiles.about, 1, 0, n, 0, (1 - m) / (1 + m), r / (1 + m))
+    kernels.step_fast(
+        tiles.first, tiles.second, tiles.about, 1, 0, n, 0, (1 - m) / (1 + m), r / (1 + m)
+    )
     # Elevations of order 3, sums of 36 of them, single precision.
     assert abs(slow - tiles.second[1])[:, :n].max() < 2e-5
 
@@ -569,7 +570,9 @@ def test_far_from_land_the_water_does_not_know_of_it(stencil, boundary):
 def test_islands_keep_the_volume_and_stay_dry(stencil, boundary):
     rng = np.random.default_rng(5)
     land = rng.uniform(size=(60, 50)) < 0.2  # the roughest coast there is
-    water = HeightField((60, 50), damping=0.0, stencil=stencil, boundary=boundary, terrain_mask=land)
+    water = HeightField(
+        (60, 50), damping=0.0, stencil=stencil, boundary=boundary, terrain_mask=land
+    )
     for k in range(400):
         if k < 50:
             water.press(*rng.uniform(-0.6, 0.6, 2), force=3.0, radius=0.05)
@@ -604,7 +607,11 @@ def test_a_saved_surface_goes_on_where_it_stopped(tmp_path):
     land = np.zeros((50, 40), bool)
     land[10:12, 5:9] = True
     for k, settings in enumerate(
-        ({"boundary": "absorb"}, {"terrain_mask": land, "centre": (1.0, 2.0)}, {"stencil": "five_point"})
+        (
+            {"boundary": "absorb"},
+            {"terrain_mask": land, "centre": (1.0, 2.0)},
+            {"stencil": "five_point"},
+        )
     ):
         water = HeightField((50, 40), **settings)
         water.displace(*water.centre, height=0.01, radius=0.1)

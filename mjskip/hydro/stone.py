@@ -10,8 +10,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import shapely
-import trimesh
 
 from mjskip.checks import check_positive
 from mjskip.errors import MeshError
@@ -152,6 +150,8 @@ class Stone:
             faces.append(np.column_stack([upper + here, lower + after, upper + after]))
         last = (len(rings) - 1) * segments
         faces.append(np.column_stack([np.full(segments, bottom), last + after, last + here]))
+        import trimesh  # half a second that a command's help does not need
+
         mesh = trimesh.Trimesh(vertices, np.vstack(faces), process=False)
         return cls.from_mesh(mesh, density=density, mass=mass)
 
@@ -225,6 +225,8 @@ class Stone:
 
 
 def _read(mesh: Any) -> Any:
+    import trimesh
+
     if isinstance(mesh, trimesh.Trimesh):
         return mesh
     path = Path(mesh)
@@ -242,6 +244,8 @@ def closed_mesh(mesh: Any, *, scale: float = 1.0, fix_normals: bool = False) -> 
     Raises:
         MeshError: with what is wrong and what to do.
     """
+    import trimesh
+
     if len(mesh.faces) == 0:
         raise MeshError("the mesh has no triangles: a stone needs a closed surface")
     if not np.isfinite(mesh.vertices).all():  # welding would drop them without a word
@@ -289,6 +293,8 @@ def _axis_of_largest_inertia(inertia: Array) -> Array:
 
 def _silhouette(triangles: Array, normal: Array) -> tuple[float, Array]:
     """Area [m^2] of the shadow along `normal` and its centroid (3,) in the plane of the origin [m]."""
+    import shapely
+
     across = np.linalg.svd(normal[None, :])[2][1:]
     facing = np.einsum("ni,i->n", np.cross(*np.diff(triangles, axis=1).transpose(1, 0, 2)), normal)
     shadows = shapely.polygons((triangles @ across.T)[facing > 0.0])

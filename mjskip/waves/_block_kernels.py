@@ -53,13 +53,11 @@ def _is_water(tiles: Any, i: int, j: int) -> bool:
     if tiles.water.size == 0:
         return True
     slot, row, column, _ = locate(tiles, i, j)
-    return slot <= STILL or tiles.water[slot, row + 1, column + 1] != 0.0
+    return bool(slot <= STILL or tiles.water[slot, row + 1, column + 1] != 0.0)
 
 
 @kernel
-def press_block(
-    tiles: Any, i: int, j: int, pressure_head: Any, edge: float, corner: float
-) -> None:
+def press_block(tiles: Any, i: int, j: int, pressure_head: Any, edge: float, corner: float) -> None:
     """z += edge-and-corner Laplacian of a pressure head, whose first cell is cell (i, j) and whose tiles are active.
 
     At the walls the head is mirrored as the surface is, so that what is added sums to zero; so it does at a
@@ -90,13 +88,17 @@ def press_block(
                         d = min(max(j + d, 0), ny - 1) - j
                     if not _is_water(tiles, i + c, j + d):
                         continue
-                    there = np.float64(pressure_head[c, d]) if 0 <= c < high and 0 <= d < wide else 0.0
+                    there = (
+                        np.float64(pressure_head[c, d]) if 0 <= c < high and 0 <= d < wide else 0.0
+                    )
                     total += (edge if da == 0 or db == 0 else corner) * (there - here)
             z[slot, row, column] += np.float32(total)
 
 
 @kernel
-def fill_round_head(pressure_head: Any, centre_x: float, centre_y: float, reach: float, volume: float) -> None:
+def fill_round_head(
+    pressure_head: Any, centre_x: float, centre_y: float, reach: float, volume: float
+) -> None:
     """Pressure head of a round load: (1 - (r / reach)^2)^2 inside `reach`, its sum = `volume`.
 
     Lengths are in cells and (centre_x, centre_y) is the centre in indices of the head. The sum is

@@ -8,6 +8,7 @@ import numpy.typing as npt
 from mjskip._compile.jit import kernel
 from mjskip.waves._tile_kernels import COLUMNS, GENERAL, ROWS, USED, WALL, levels, step_fast
 
+
 class Medium(NamedTuple):
     """What a grid needs besides its `Tiles` where steps are general; empty arrays where none is.
 
@@ -78,8 +79,16 @@ def step_general(
     """
     one, n = np.float32(1.0), j1 - j0
     for i in range(i0, i1):
-        below, here, above = (around[i, j0 : j1 + 2], around[i + 1, j0 : j1 + 2], around[i + 2, j0 : j1 + 2])
-        wet_below, wet_here, wet_above = (water[i, j0 : j1 + 2], water[i + 1, j0 : j1 + 2], water[i + 2, j0 : j1 + 2])
+        below, here, above = (
+            around[i, j0 : j1 + 2],
+            around[i + 1, j0 : j1 + 2],
+            around[i + 2, j0 : j1 + 2],
+        )
+        wet_below, wet_here, wet_above = (
+            water[i, j0 : j1 + 2],
+            water[i + 1, j0 : j1 + 2],
+            water[i + 2, j0 : j1 + 2],
+        )
         soft, out = friction_y[j0:j1], prev[i, j0:j1]
         friction_row = m + half * friction_x[i]
         for j in range(n):

@@ -332,8 +332,18 @@ def step_fast(
         w_above = north_west if last else cells[w + count * stride]
         e_above = north_east if last else cells[e + count * stride]
         if count == 4:
-            w0, w1, w2, w3 = cells[w], cells[w + stride], cells[w + 2 * stride], cells[w + 3 * stride]
-            e0, e1, e2, e3 = cells[e], cells[e + stride], cells[e + 2 * stride], cells[e + 3 * stride]
+            w0, w1, w2, w3 = (
+                cells[w],
+                cells[w + stride],
+                cells[w + 2 * stride],
+                cells[w + 3 * stride],
+            )
+            e0, e1, e2, e3 = (
+                cells[e],
+                cells[e + stride],
+                cells[e + 2 * stride],
+                cells[e + 3 * stride],
+            )
             starts = below, at, at + stride, at + 2 * stride, at + 3 * stride, above
             beside = (
                 column_sum(w_below, w0, w1),

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
@@ -193,9 +194,7 @@ class HeightField:
         assert self.shape is not None
         mask = np.array(given(self.x, self.y) if callable(given) else given, np.bool_)
         if mask.shape != self.shape:
-            raise ValueError(
-                f"terrain_mask has shape {mask.shape}: give the field's, {self.shape}"
-            )
+            raise ValueError(f"terrain_mask has shape {mask.shape}: give the field's, {self.shape}")
         if mask.all():
             raise ValueError("terrain_mask covers every cell: leave some water")
         if self.stencil == "paper_eq8":
@@ -303,7 +302,9 @@ class HeightField:
         )  # fmt: skip
         return SurfaceSample(elevation=out[:, 0], slope=out[:, 1:3], vertical_speed=out[:, 3])
 
-    def window(self, x: float, y: float, shape: tuple[int, int]) -> tuple[SurfaceArray, Array, Array]:
+    def window(
+        self, x: float, y: float, shape: tuple[int, int]
+    ) -> tuple[SurfaceArray, Array, Array]:
         """A copy of the elevation around a point, still water outside the walls.
 
         Args:
@@ -315,7 +316,7 @@ class HeightField:
         """
         places = self._in_cells(x, y)
         i, j = (
-            self._whole_cell(p - (n - 1) / 2) - self._margin
+            self._whole_cell(float(p) - (n - 1) / 2) - self._margin
             for p, n in zip(places, shape, strict=True)
         )
         block = self._read((i, j), shape)[0]
@@ -406,11 +407,7 @@ class HeightField:
         if len(shape) != 2:
             raise fault("elevation", elevation, "give an array (nx, ny) for endless water")
         z, v = np.broadcast_to(z, shape), np.broadcast_to(v, shape)
-        first = (
-            (self._margin,) * 2
-            if self.shape
-            else tuple(round(-(n - 1) / 2) for n in shape)
-        )
+        first = (self._margin,) * 2 if self.shape else tuple(round(-(n - 1) / 2) for n in shape)
         self.grid.reset()
         self._raise(z.astype(np.float32), (first[0], first[1]), inside=True)
         timestep = 0.5 * self.max_timestep
@@ -557,14 +554,11 @@ class HeightField:
             cells = [n + 2 * margin - (2 if margin else 0) for n in self.shape]
             low = 1 if margin else 0
             if not all(
-                low - reach < at < low + n - 1 + reach
-                for at, n in zip((p, q), cells, strict=True)
+                low - reach < at < low + n - 1 + reach for at, n in zip((p, q), cells, strict=True)
             ):
                 return None
         i, j = self._whole_cell(math.ceil(p - reach)), self._whole_cell(math.ceil(q - reach))
-        block = np.zeros(
-            (math.floor(p + reach) - i + 1, math.floor(q + reach) - j + 1), np.float32
-        )
+        block = np.zeros((math.floor(p + reach) - i + 1, math.floor(q + reach) - j + 1), np.float32)
         return block, i, j, (p - i, q - j), reach
 
     def _is_land(self, i: int, j: int, nx: int, ny: int) -> npt.NDArray[np.bool_]:
@@ -591,13 +585,22 @@ class HeightField:
 
         Loads that wait for the next step are not kept, nor is a terrain mask that is a function.
         """
-        names = ("spacing", "wave_speed", "damping", "stencil", "boundary", "centre", "sleep_amplitude", "time")
+        names = (
+            "spacing",
+            "wave_speed",
+            "damping",
+            "stencil",
+            "boundary",
+            "centre",
+            "sleep_amplitude",
+            "time",
+        )
         settings = {name: getattr(self, name) for name in names}
-        mask = {} if self.terrain_mask is None else {"terrain_mask": self.terrain_mask}
-        if callable(self.terrain_mask):
-            mask = {"terrain_mask": np.empty(0)}
+        mask = self.terrain_mask
+        if mask is not None:
+            settings["terrain_mask"] = np.empty(0) if callable(mask) else mask
         with check_path("path", path).open("wb") as file:
-            np.savez(file, shape=self.shape or (), **settings, **mask, **self.grid.state())  # type: ignore[arg-type]
+            np.savez(file, shape=self.shape or (), **settings, **self.grid.state())  # type: ignore[arg-type]
 
     @classmethod
     def load(cls, path: PathLike, *, terrain_mask: TerrainMask | None = None) -> HeightField:
@@ -611,9 +614,12 @@ class HeightField:
             ValueError: the file is not there or is no water surface.
         """
         try:
-            with Path(check_path("path", path)).open("rb") as file, np.load(file, allow_pickle=False) as archive:
+            with (
+                Path(check_path("path", path)).open("rb") as file,
+                np.load(file, allow_pickle=False) as archive,
+            ):
                 stored = {name: archive[name] for name in archive.files}
-            numbers = {
+            numbers: dict[str, Any] = {
                 name: float(stored[name])
                 for name in ("spacing", "wave_speed", "damping", "sleep_amplitude")
             }

@@ -12,8 +12,8 @@ import numpy.typing as npt
 from mjskip.errors import MjskipError
 from mjskip.waves import _block_kernels as blocks
 from mjskip.waves import _tile_kernels as kernels
-from mjskip.waves._memory import APART, aligned_zeros, free_memory
 from mjskip.waves._medium_kernels import Medium, fill_open_edge, mirror_edge, step_mixed
+from mjskip.waves._memory import APART, aligned_zeros, free_memory
 from mjskip.waves._stencil import (
     COURANT_LIMITS,
     MARGIN,
@@ -92,7 +92,9 @@ class WaveGrid:
             threads: how many share a step; None picks by size.
         """
         self.margin = MARGIN if absorbing else 0
-        self.cells = None if shape is None else (shape[0] + 2 * self.margin, shape[1] + 2 * self.margin)
+        self.cells = (
+            None if shape is None else (shape[0] + 2 * self.margin, shape[1] + 2 * self.margin)
+        )
         self.rate, self.damping, self.sleep_amplitude = rate, damping, sleep_amplitude
         self.stencil = stencil
         self._terrain = terrain
@@ -439,7 +441,9 @@ class WaveGrid:
 
     def _share(self, band: Callable[[int], None]) -> None:
         """Call band(0), band(1), ... each in a thread, and wait for all."""
-        if self._workers is None or self._workers[0] != os.getpid():  # threads do not survive a fork
+        if (
+            self._workers is None or self._workers[0] != os.getpid()
+        ):  # threads do not survive a fork
             self._workers = os.getpid(), ThreadPoolExecutor(self._threads - 1)
         others = [self._workers[1].submit(band, k) for k in range(1, self._threads)]
         band(0)

@@ -7,12 +7,17 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip.errors import MjskipError
-from mjskip.waves.dense import SurfaceArray
 from mjskip.waves import _lake_kernels as tiles
 from mjskip.waves import _wave_kernels as kernels
 from mjskip.waves._grid import APART, aligned_zeros, free_memory
-from mjskip.waves._stencil import COURANT_LIMITS, WEIGHTS, step_change_filter, coefficients, same_step
-from mjskip.waves.dense import Head
+from mjskip.waves._stencil import (
+    COURANT_LIMITS,
+    WEIGHTS,
+    coefficients,
+    same_step,
+    step_change_filter,
+)
+from mjskip.waves.dense import Head, SurfaceArray
 
 TILE = tiles.TILE
 STEPS_BETWEEN_BEDTIMES = 16
