@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from mjskip.checks import check_count, check_mapping, check_number
+from mjskip.checks import check_count, check_mapping, check_number, check_vector
 from mjskip.files import reading, whole_file
 
 if TYPE_CHECKING:
@@ -220,7 +220,7 @@ class Trajectory:
             data, attrs = _contents(path)
             attributes = json.loads(attrs["provenance"])
             check_mapping("provenance", attributes, "give a JSON object")
-            check_number("gravity", attributes.get("gravity", 9.81), unit="m/s^2")
+            check_vector("gravity", attributes.get("gravity", GRAVITY), 3)
             time = data["time"]
             if not (len(time) and (np.diff(time) > 0.0).all()):
                 raise ValueError("time does not increase")
