@@ -36,7 +36,8 @@ class Task(ABC):
     has_stone: ClassVar[bool] = False
     whole_run: ClassVar[bool] = False
     """One action is one run to its end; frame_skip is then how often it is looked at."""
-    camera: ClassVar[str | int] = -1
+    camera: ClassVar[str]
+    """What draws by default: a camera of the model, or a body to look at from the side."""
 
     def __init__(self, frame_skip: int | None) -> None:
         register_plugin()

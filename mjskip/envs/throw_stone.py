@@ -50,7 +50,7 @@ class ThrowStoneTask(Task):
     frame_skip_default = 40
     has_stone = True
     whole_run = True
-    camera = "side"
+    camera = "stone"
 
     def spec(self) -> mujoco.MjSpec:
         """Scene `lake`, with its water by the plugin."""

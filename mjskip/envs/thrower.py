@@ -37,7 +37,7 @@ class ThrowerTask(Task):
 
     frame_skip_default = 10
     has_stone = True
-    camera = "side"
+    camera = "stone"
 
     def spec(self) -> mujoco.MjSpec:
         """The shipped scene."""

@@ -10,13 +10,16 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from mjskip.checks import check_count
+from mjskip.checks import check_count, fault
 from mjskip.draw.gl import offscreen
 
 Image = npt.NDArray[np.uint8]
 
 WATER = (0.10, 0.36, 0.50, 0.55)
 """Colour of the surface."""
+
+BESIDE = (2.6, 75.0, -14.0)
+"""Distance [m], azimuth and elevation [degrees] of a camera that looks at a body."""
 
 REACH = 60.0
 """The surface reaches so far to every side [m]."""
@@ -46,7 +49,7 @@ class View:
             with offscreen():
                 self._renderer = mujoco.Renderer(model, self._height, self._width)
             self._model = model
-        self._renderer.update_scene(data, self._camera)
+        self._renderer.update_scene(data, camera_of(model, self._camera))
         add_surface(self._renderer.scene)
         return np.array(self._renderer.render())
 
@@ -62,19 +65,21 @@ class View:
             )
             self._model = model
             with self._window.lock():
-                self._aim(model)
+                aim = camera_of(model, self._camera)
+                for field in (
+                    "type",
+                    "fixedcamid",
+                    "trackbodyid",
+                    "distance",
+                    "azimuth",
+                    "elevation",
+                ):
+                    setattr(self._window.cam, field, getattr(aim, field))
                 add_surface(self._window.user_scn)
         if self._window.is_running():
             self._window.sync()
         time.sleep(max(0.0, self._shown + interval - time.monotonic()))
         self._shown = time.monotonic()
-
-    def _aim(self, model: mujoco.MjModel) -> None:
-        camera = self._camera
-        number = model.camera(camera).id if isinstance(camera, str) else camera
-        if number >= 0:
-            self._window.cam.type = mujoco.mjtCamera.mjCAMERA_FIXED
-            self._window.cam.fixedcamid = number
 
     def close(self) -> None:
         """Free everything; drawing again makes it anew."""
@@ -91,6 +96,29 @@ class View:
             with contextlib.suppress(Exception):
                 self._window.close()
             self._window = None
+
+
+def camera_of(model: mujoco.MjModel, name: str | int) -> mujoco.MjvCamera:
+    """A camera of the model by name or number, or one that looks at a body of this name from the side.
+
+    Raises:
+        ValueError: there is neither.
+    """
+    camera = mujoco.MjvCamera()
+    cameras = [model.camera(k).name for k in range(model.ncam)]
+    if name in cameras or (isinstance(name, int) and 0 <= name < model.ncam):
+        camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
+        camera.fixedcamid = model.camera(name).id
+        return camera
+    body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, str(name))
+    if body < 0:
+        raise fault(
+            "camera", name, f"use one of {', '.join(cameras) or 'no camera'}, or the name of a body"
+        )
+    camera.type = mujoco.mjtCamera.mjCAMERA_TRACKING
+    camera.trackbodyid = body
+    camera.distance, camera.azimuth, camera.elevation = BESIDE
+    return camera
 
 
 def add_surface(scene: Any) -> None:

@@ -40,7 +40,7 @@ class WadeTask(Task):
     """
 
     frame_skip_default = 10
-    camera = "bank"
+    camera = "follow"
 
     def spec(self) -> mujoco.MjSpec:
         """The ford."""
