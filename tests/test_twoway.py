@@ -23,7 +23,7 @@ from mjskip.throws.engines import MujocoEngine
 from mjskip.throws.reference import Integrator
 from mjskip.throws.simulate import simulate_all
 from mjskip.throws.throw import State
-from mjskip.waves._tile_kernels import largest_share
+from mjskip.waves._lake_kernels import largest_share
 from mjskip.waves.lake import Lake
 from mjskip.waves.twoway import MovingSurface
 

@@ -5,14 +5,15 @@ from __future__ import annotations
 import json
 import math
 import os
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from mjskip.errors import MjskipError
-from mjskip.files import whole_file
+from mjskip.checks import check_count, check_mapping, check_number
+from mjskip.files import reading, whole_file
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -197,31 +198,55 @@ class Trajectory:
         Raises:
             MjskipError: the file is missing or is not such a file.
         """
-        if not os.path.isfile(path):
-            raise MjskipError(
-                f"{path} cannot be read as a trajectory: there is no such file; give one that "
-                "`mjskip run --save` wrote"
-            )
-        try:
-            import xarray as xr
-
-            with xr.open_dataset(path, engine="h5netcdf", decode_times=False) as opened:
-                data = opened.load()
-            series = {name: data[name].values for name, *_ in _SERIES}
+        with reading(path, what="a trajectory", writer="`mjskip run --save` or Trajectory.save"):
+            data, attrs = _contents(path)
+            attributes = json.loads(attrs["provenance"])
+            check_mapping("provenance", attributes, "give a JSON object")
+            check_number("gravity", attributes.get("gravity", 9.81), unit="m/s^2")
+            time = data["time"]
+            if not (len(time) and (np.diff(time) > 0.0).all()):
+                raise ValueError("time does not increase")
             return cls(
-                time=data["time"].values,
-                **series,
-                contacts=tuple(_contact(data, k) for k in range(data.sizes.get("contact", 0))),
-                skips=int(data.attrs["skips"]),
-                end=str(data.attrs["end"]),
-                mass=float(data.attrs["mass_kg"]),
-                attributes=json.loads(data.attrs["provenance"]),
+                time=time,
+                **{name: data[name] for name, *_ in _SERIES},
+                contacts=tuple(_contact(data, k) for k in range(len(data["entry_time"]))),
+                skips=check_count("skips", attrs["skips"], low=0),
+                end=str(attrs["end"]),
+                mass=check_number("mass_kg", attrs["mass_kg"], low=1e-300, unit="kg"),
+                attributes=attributes,
             )
-        except (OSError, KeyError, ValueError) as error:
-            raise MjskipError(
-                f"{path} cannot be read as a trajectory ({error}): give a file that "
-                "`mjskip run --save` or Trajectory.save wrote"
-            ) from error
+
+
+def _contents(path: str | os.PathLike[str]) -> tuple[dict[str, Array], dict[str, Any]]:
+    """Variables and attributes of a file that `save` wrote, each variable with the shape it should have.
+
+    By h5py: of a damaged file xarray's reader leaves messages behind that no one can catch.
+    """
+    import h5py
+
+    width = {"axis": 3, "part": 4}
+    with h5py.File(path, "r") as file:
+        attrs = {name: np.asarray(value)[()] for name, value in file.attrs.items()}
+        attrs = {k: v.item() if np.size(v) == 1 and np.ndim(v) else v for k, v in attrs.items()}
+        rows = {"time": len(file["time"]), "contact": len(file["entry_time"])}
+        data = {}
+        for name, dims in _shapes():
+            values = file[name][()]
+            if values.shape != tuple(rows.get(d) or width.get(d, 0) for d in dims):
+                raise ValueError(f"{name} has shape {values.shape}")
+            if values.dtype.kind != "f" or not (np.isfinite(values).all() or dims[0] == "contact"):
+                raise ValueError(f"{name} holds what is no finite number")
+            data[name] = values.astype(np.float64)
+    return data, attrs
+
+
+def _shapes() -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Names and dimensions of all variables of a file."""
+    yield "time", ("time",)
+    yield from ((name, ("time", *dims)) for name, dims, *_ in _SERIES)
+    for side in ("entry", "exit"):
+        yield from ((f"{side}_{name}", ("contact", *dims)) for name, dims, _ in _MOMENT)
+    yield from ((f"contact_{name}", ("contact", *dims)) for name, dims, _ in _TOUCH)
 
 
 _SERIES: tuple[tuple[str, tuple[str, ...], str, str], ...] = (
@@ -254,9 +279,9 @@ _TOUCH: tuple[tuple[str, tuple[str, ...], str], ...] = (
 )
 
 
-def _contact(data: xr.Dataset, k: int) -> Contact:
+def _contact(data: Mapping[str, Array], k: int) -> Contact:
     def value(name: str) -> Any:
-        return data[name].values[k].tolist()
+        return data[name][k].tolist()
 
     def moment(side: str) -> Moment | None:
         if math.isnan(value(f"{side}_time")):

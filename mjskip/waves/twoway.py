@@ -33,7 +33,7 @@ import numpy.typing as npt
 from mjskip.errors import MjskipWarning
 from mjskip.hydro import _wrench_kernels as kernels
 from mjskip.hydro.wrench import immersion_address, wrench_address, wrench_and_immersion
-from mjskip.waves import _tile_kernels as tiles
+from mjskip.waves import _lake_kernels as tiles
 from mjskip.waves._grid import free_memory
 from mjskip.waves._stencil import SAFE_FRACTION
 from mjskip.waves.dense import Head
