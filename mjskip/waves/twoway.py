@@ -43,7 +43,7 @@ from mjskip.waves.ride import Ride
 Array = npt.NDArray[np.float64]
 
 Hop = tuple[int, Array]
-"""Address of what steps an engine of one stone, and its context: see `mjskip.rigid._rigid_kernels.hop`."""
+"""Address of what steps an engine of one stone, and its context: see `mjskip.coupling._free_joint_kernels.hop`."""
 
 MERGE_AFTER = 0.010
 """Dry time after which a touch is over and its waves are the lake's [s]."""
