@@ -13,7 +13,8 @@ import mjskip
 PACKAGE = Path(mjskip.__file__).parent
 
 LAYERS = (
-    {"errors"},
+    {"_typing", "errors"},
+    {"checks"},
     {"_compile", "files"},
     {"rigid"},
     {"hydro"},
@@ -21,7 +22,7 @@ LAYERS = (
     {"coupling"},
     {"throws"},
     {"draw", "sweeps"},
-    {"play"},
+    {"play", "envs"},
     {"cli"},
     {"__init__", "__main__"},
 )

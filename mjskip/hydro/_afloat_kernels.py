@@ -22,7 +22,7 @@ import numpy as np
 
 from mjskip._compile.jit import kernel, picture_kernel
 from mjskip.hydro._radiation_kernels import add_columns, advance_waves, gather, read_rows, scatter
-from mjskip.hydro._wrench_kernels import pressure_column
+from mjskip.hydro._clip_kernels import column
 
 # header of a surface
 WAVES, RINGS, GRAVITY, DEPTH, KNOWN, CURRENT_X, CURRENT_Y, TIMESTEP, BODIES, REACH = range(10)
@@ -280,10 +280,10 @@ def wetted_pressure(
         nx = (by - ay) * (cz - az) - (bz - az) * (cy - ay)
         ny = (bz - az) * (cx - ax) - (bx - ax) * (cz - az)
         nz = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-        column, mx, my, mz = pressure_column(ax, ay, az, ha, bx, by, bz, hb, cx, cy, cz, hc)
-        fx += column * nx
-        fy += column * ny
-        fz += column * nz
+        depth, mx, my, mz = column(ax, ay, az, ha, bx, by, bz, hb, cx, cy, cz, hc)
+        fx += depth * nx
+        fy += depth * ny
+        fz += depth * nz
         tx += my * nz - mz * ny
         ty += mz * nx - mx * nz
         tz += mx * ny - my * nx

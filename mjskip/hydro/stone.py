@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import shapely
-import trimesh
 
+from mjskip.checks import check_positive
 from mjskip.errors import MeshError
 
 Array = npt.NDArray[np.float64]
@@ -151,6 +150,8 @@ class Stone:
             faces.append(np.column_stack([upper + here, lower + after, upper + after]))
         last = (len(rings) - 1) * segments
         faces.append(np.column_stack([np.full(segments, bottom), last + after, last + here]))
+        import trimesh  # half a second that a command's help does not need
+
         mesh = trimesh.Trimesh(vertices, np.vstack(faces), process=False)
         return cls.from_mesh(mesh, density=density, mass=mass)
 
@@ -223,14 +224,9 @@ class Stone:
         )
 
 
-def check_positive(**named: float) -> None:
-    """Raise ValueError, with the name, for the first value that is not a finite positive number."""
-    for name, value in named.items():
-        if not (math.isfinite(value) and value > 0.0):
-            raise ValueError(f"{name} is {value!r}: give a finite number greater than 0")
-
-
 def _read(mesh: Any) -> Any:
+    import trimesh
+
     if isinstance(mesh, trimesh.Trimesh):
         return mesh
     path = Path(mesh)
@@ -248,6 +244,8 @@ def closed_mesh(mesh: Any, *, scale: float = 1.0, fix_normals: bool = False) -> 
     Raises:
         MeshError: with what is wrong and what to do.
     """
+    import trimesh
+
     if len(mesh.faces) == 0:
         raise MeshError("the mesh has no triangles: a stone needs a closed surface")
     if not np.isfinite(mesh.vertices).all():  # welding would drop them without a word
@@ -295,6 +293,8 @@ def _axis_of_largest_inertia(inertia: Array) -> Array:
 
 def _silhouette(triangles: Array, normal: Array) -> tuple[float, Array]:
     """Area [m^2] of the shadow along `normal` and its centroid (3,) in the plane of the origin [m]."""
+    import shapely
+
     across = np.linalg.svd(normal[None, :])[2][1:]
     facing = np.einsum("ni,i->n", np.cross(*np.diff(triangles, axis=1).transpose(1, 0, 2)), normal)
     shadows = shapely.polygons((triangles @ across.T)[facing > 0.0])

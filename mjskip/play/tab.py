@@ -18,6 +18,7 @@ from mjskip.play.player import Frame, Player
 from mjskip.play.settings import NUMBERS, STONES, THROW, Settings
 from mjskip.play.surface import DrawnWater
 from mjskip.play.thrown import Shelf, Thrown, table
+from mjskip.throws.trajectory import ENDS
 
 SLIDERS: dict[str, tuple[str, float, float, float, str]] = {
     "speed": ("speed (m/s)", 0.0, 40.0, 0.1, "Of the stone as it leaves the hand."),
@@ -35,13 +36,6 @@ SLOW = {"1 (real time)": 1.0, "2": 2.0, "5": 5.0, "10": 10.0, "30": 30.0, "100":
 """Choices of slow motion: how many times slower."""
 
 KEY = "mjskip address"
-_ENDS = {
-    "sunk": "then it sank",
-    "planing": "then it ploughed on",
-    "at rest": "then it came to rest",
-    "out of time": "and on when the time was up",
-    "left the lake": "then it left the lake",
-}
 
 
 class Tab:
@@ -131,11 +125,11 @@ class Tab:
         self.thrown = thrown
         with self.client.atomic():
             self._report(thrown)
-            self._water = look.grid(self._controls["view"].value, thrown)
+            self._water = look.grid(self._choice("view", look.VIEWS), thrown)
             look.place_throw(self._nodes, thrown)
             self._touches = 0
-        if self._controls["view"].value != look.FOLLOW:
-            look.aim(self.client, self._controls["view"].value, thrown)
+        if self._choice("view", look.VIEWS) != look.FOLLOW:
+            look.aim(self.client, self._choice("view", look.VIEWS), thrown)
         self._status(thrown.doubts[0] if thrown.doubts else "")
         self._player.play(thrown)
 
@@ -148,7 +142,7 @@ class Tab:
             look.mark_touches(self._nodes, frame)
             self._touches = frame.touches
         with self.client.atomic():
-            look.draw(self._nodes, self._water, frame, view=self._controls["view"].value)
+            look.draw(self._nodes, self._water, frame, view=self._choice("view", look.VIEWS))
         self.frames += 1
         late = f"; {frame.late:.1f} s behind the clock: this machine is slow"
         self._clock(f"{frame.time:.2f} s{late if frame.late >= 0.5 else ''}")
@@ -161,7 +155,7 @@ class Tab:
         skips = f"{thrown.skips} skip{'' if thrown.skips == 1 else 's'}"
         away = float(np.linalg.norm(flight.x[-1, :2] - flight.x[0, :2]))
         self._controls["count"].content = look.headline(
-            skips, f"{_ENDS[flight.end]}, after {away:.1f} m and {flight.time[-1]:.2f} s"
+            skips, f"{ENDS[flight.end]}, after {away:.1f} m and {flight.time[-1]:.2f} s"
         )
         self._controls["table"].content = look.html_table(table(flight))
         self._controls["plot"].data = look.side_view(flight)
@@ -202,7 +196,9 @@ class Tab:
         controls["slow"] = gui.add_dropdown(
             "slow motion", tuple(SLOW), initial_value=next(iter(SLOW)), hint="Times slower."
         )
-        controls["slow"].on_update(lambda _: self._player.slow(SLOW[controls["slow"].value]))
+        controls["slow"].on_update(
+            lambda _: self._player.slow(SLOW[self._choice("slow", tuple(SLOW))])
+        )
         controls["view"] = gui.add_dropdown("view", look.VIEWS, initial_value=look.FOLLOW)
         controls["view"].on_update(self._change_view)
         controls["clock"] = gui.add_html("")
@@ -267,10 +263,21 @@ class Tab:
         for name in ("radius", "thickness"):
             self._controls[name].visible = self._controls["stone"].value != "scene"
 
+    def _choice(self, name: str, allowed: tuple[str, ...]) -> str:
+        """What a dropdown says; a value that it does not have is put back to the first that it has."""
+        value = str(self._controls[name].value)
+        if value in allowed:
+            return value
+        self._status(
+            f"{name}: {html.escape(value[:40])} is ignored; use one of {', '.join(allowed)}"
+        )
+        self._controls[name].value = allowed[0]
+        return allowed[0]
+
     def _change_view(self, _: Any) -> None:
-        look.aim(self.client, self._controls["view"].value, self.thrown)
+        look.aim(self.client, self._choice("view", look.VIEWS), self.thrown)
         if self.thrown is not None:
-            self._water = look.grid(self._controls["view"].value, self.thrown)
+            self._water = look.grid(self._choice("view", look.VIEWS), self.thrown)
             if not self._player.playing:
                 self._player.play(self.thrown)
 
