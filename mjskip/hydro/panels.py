@@ -162,7 +162,7 @@ def wetted_hull(
     Raises:
         MeshError: nothing of the surface is below the water.
     """
-    below = _below_water(np.asarray(triangles, dtype=np.float64))
+    below = below_water(np.asarray(triangles, dtype=np.float64))
     if len(below) == 0:
         raise MeshError("no part of the hull is below still water: a floating body needs a draft")
     hull = WettedHull(triangles=below, height=height)
@@ -174,14 +174,13 @@ def wetted_hull(
     return WettedHull(triangles=fine, height=height)
 
 
-def _below_water(triangles: Array) -> Array:
+def below_water(triangles: Array) -> Array:
     """What is below z = 0, as triangles (n, 3, 3); slivers without area are left out."""
     found = []
     extent = float(np.ptp(triangles.reshape(-1, 3), axis=0).max())
-    for corners in triangles:
-        heights = corners[:, 2]
-        if (heights >= 0.0).all():
-            continue
+    whole = (triangles[..., 2] <= 0.0).all(axis=1) & (triangles[..., 2] < 0.0).any(axis=1)
+    cut = (triangles[..., 2] < 0.0).any(axis=1) & ~whole
+    for corners in triangles[cut]:
         polygon = []
         for k in range(3):
             a, b = corners[k], corners[(k + 1) % 3]
@@ -191,9 +190,9 @@ def _below_water(triangles: Array) -> Array:
                 cut = a + a[2] / (a[2] - b[2]) * (b - a)
                 polygon.append(np.array([cut[0], cut[1], 0.0]))
         found += [[polygon[0], polygon[k], polygon[k + 1]] for k in range(1, len(polygon) - 1)]
-    cut = np.array(found).reshape(-1, 3, 3)
-    area = np.linalg.norm(np.cross(cut[:, 1] - cut[:, 0], cut[:, 2] - cut[:, 0]), axis=1)
-    return np.asarray(cut[area > 1e-9 * extent**2])
+    wet = np.concatenate([triangles[whole], np.array(found).reshape(-1, 3, 3)])
+    area = np.linalg.norm(np.cross(wet[:, 1] - wet[:, 0], wet[:, 2] - wet[:, 0]), axis=1)
+    return np.asarray(wet[area > 1e-9 * extent**2])
 
 
 def refined(triangles: Array, size: float) -> Array:
