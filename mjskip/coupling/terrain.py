@@ -7,15 +7,9 @@ import numpy as np
 import numpy.typing as npt
 import trimesh
 
-from mjskip.coupling.bodies import geom_solid
+from mjskip.coupling.bodies import FINE, SOLIDS, geom_solid
 
 Array = npt.NDArray[np.float64]
-
-SOLIDS = {
-    int(getattr(mujoco.mjtGeom, f"mjGEOM_{kind}"))
-    for kind in ("MESH", "BOX", "SPHERE", "ELLIPSOID", "CYLINDER", "CAPSULE")
-}
-"""Kinds that can be islands and piers; planes, such as a lake's bottom, are none."""
 
 A_HAIR = 1e-9
 """The lines of cells are looked at this far aside [m], or one that meets a corner exactly may count it
@@ -36,7 +30,7 @@ class Land:
         for geom in range(model.ngeom):
             fixed = model.body_weldid[model.geom_bodyid[geom]] == 0
             if fixed and int(model.geom_type[geom]) in SOLIDS:
-                solid = geom_solid(model, geom)
+                solid = geom_solid(model, geom, resolution=FINE)
                 turn = data.geom_xmat[geom].reshape(3, 3)
                 world = np.asarray(solid.vertices) @ turn.T + data.geom_xpos[geom]
                 self._sections.append(_section(trimesh.Trimesh(world, solid.faces, process=False)))

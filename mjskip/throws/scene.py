@@ -18,9 +18,10 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from mjskip.coupling.bodies import body_name, body_stone, find_body, free_bodies
+from mjskip.coupling.bodies import body_name, find_body, free_bodies
 from mjskip.coupling.plugin import NAME, plugin_water, register_plugin
 from mjskip.coupling.terrain import Land, land_of
+from mjskip.coupling.wet import body_stone
 from mjskip.errors import SceneError
 from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water

@@ -15,8 +15,8 @@ from typing import Any, Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
-from mjskip.coupling.attach import compile_callback
 from mjskip.coupling.bodies import find_body
+from mjskip.coupling.callback import compile_callback
 from mjskip.errors import MjskipWarning
 from mjskip.hydro.stone import Stone, check_positive
 from mjskip.rigid.attitude import angles, matrices
