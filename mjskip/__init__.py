@@ -1,28 +1,87 @@
 """Stone skipping on MuJoCo: a water surface for rigid bodies, after Lee & Baek (2010).
 
-SI units and radians; right-handed, z up, still water at z = 0. Importing compiles nothing, opens no GL and
-installs no callback.
+SI units and radians; right-handed, z up, still water at z = 0. Importing loads nothing else: what `__all__`
+names is imported when it is first asked for. It compiles nothing, opens no GL and installs no callback.
 """
 
-from importlib.metadata import version as _version
+from importlib import import_module
+from typing import TYPE_CHECKING
 
-from mjskip.coupling.attach import attach as attach
-from mjskip.coupling.plugin import register_plugin as register_plugin
-from mjskip.draw.render import render_video as render_video
-from mjskip.hydro.stone import Stone as Stone
-from mjskip.hydro.water import Water as Water
-from mjskip.hydro.wrench import wrench as wrench
-from mjskip.sweeps.optimize import optimize as optimize
-from mjskip.sweeps.sweep import sweep as sweep
-from mjskip.throws.recording import Limits as Limits
-from mjskip.throws.reference import integrate as integrate
-from mjskip.throws.scene import Scene as Scene
-from mjskip.throws.scene import load_scene as load_scene
-from mjskip.throws.simulate import simulate as simulate
-from mjskip.throws.throw import Throw as Throw
-from mjskip.throws.trajectory import Contact as Contact
-from mjskip.throws.trajectory import Trajectory as Trajectory
-from mjskip.waves import HeightField as HeightField
-from mjskip.waves.lake import Lake as Lake
+if TYPE_CHECKING:
+    from mjskip import errors as errors
+    from mjskip.coupling.attach import Coupling as Coupling
+    from mjskip.coupling.attach import attach as attach
+    from mjskip.coupling.flotation import float_at_rest as float_at_rest
+    from mjskip.coupling.plugin import register_plugin as register_plugin
+    from mjskip.draw.render import render_video as render_video
+    from mjskip.hydro.hull import Hull as Hull
+    from mjskip.hydro.laws import LAWS as LAWS
+    from mjskip.hydro.stone import Stone as Stone
+    from mjskip.hydro.water import Water as Water
+    from mjskip.hydro.wrench import wrench as wrench
+    from mjskip.sweeps.optimize import optimize as optimize
+    from mjskip.sweeps.sweep import sweep as sweep
+    from mjskip.throws.recording import Limits as Limits
+    from mjskip.throws.reference import integrate as integrate
+    from mjskip.throws.scene import Scene as Scene
+    from mjskip.throws.scene import load_scene as load_scene
+    from mjskip.throws.simulate import simulate as simulate
+    from mjskip.throws.simulate import simulate_all as simulate_all
+    from mjskip.throws.throw import Throw as Throw
+    from mjskip.throws.trajectory import Contact as Contact
+    from mjskip.throws.trajectory import Trajectory as Trajectory
+    from mjskip.waves import HeightField as HeightField
+    from mjskip.waves.lake import Lake as Lake
 
-__version__ = _version("mjskip")
+    __version__: str
+
+__all__ = [
+    "LAWS", "Contact", "Coupling", "HeightField", "Hull", "Lake", "Limits", "Scene", "Stone", "Throw", "Trajectory", "Water",
+    "attach", "errors", "float_at_rest", "integrate", "load_scene", "optimize", "register_plugin", "render_video",
+    "simulate", "simulate_all", "sweep", "wrench",
+]  # fmt: skip
+
+_WHERE = {
+    "coupling.attach": ["Coupling", "attach"],
+    "coupling.flotation": ["float_at_rest"],
+    "coupling.plugin": ["register_plugin"],
+    "draw.render": ["render_video"],
+    "hydro.hull": ["Hull"],
+    "hydro.laws": ["LAWS"],
+    "hydro.stone": ["Stone"],
+    "hydro.water": ["Water"],
+    "hydro.wrench": ["wrench"],
+    "sweeps.optimize": ["optimize"],
+    "sweeps.sweep": ["sweep"],
+    "throws.recording": ["Limits"],
+    "throws.reference": ["integrate"],
+    "throws.scene": ["Scene", "load_scene"],
+    "throws.simulate": ["simulate", "simulate_all"],
+    "throws.throw": ["Throw"],
+    "throws.trajectory": ["Contact", "Trajectory"],
+    "waves": ["HeightField"],
+    "waves.lake": ["Lake"],
+}
+"""Where the public names live, by module of this package."""
+
+if not TYPE_CHECKING:  # a type checker would take any name for an attribute
+
+    def __getattr__(name: str) -> object:
+        """A public name on first use (PEP 562)."""
+        if name == "__version__":
+            from importlib.metadata import version
+
+            return globals().setdefault(name, version("mjskip"))
+        if name == "errors":
+            return import_module("mjskip.errors")
+        for module, names in _WHERE.items():
+            if name in names:
+                found = getattr(import_module(f"mjskip.{module}"), name)
+                return globals().setdefault(name, found)
+        raise AttributeError(
+            f"module 'mjskip' has no attribute {name!r}: it has {', '.join(__all__)}"
+        )
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__, "__version__"])

@@ -13,7 +13,8 @@ import mjskip
 PACKAGE = Path(mjskip.__file__).parent
 
 LAYERS = (
-    {"errors"},
+    {"_typing", "errors"},
+    {"checks"},
     {"_compile", "files"},
     {"rigid"},
     {"hydro"},

@@ -87,7 +87,6 @@ def cluster(workers=2):
         yield address, scheduler, started
 
 
-@pytest.mark.slow
 def test_a_cluster_that_loses_a_worker_writes_the_bytes_of_the_serial_run(tmp_path):
     alone, spread = tmp_path / "alone.zarr", tmp_path / "spread.zarr"
     sweep(STONE, **SWEEP, path=alone)
@@ -106,7 +105,6 @@ def test_a_cluster_that_loses_a_worker_writes_the_bytes_of_the_serial_run(tmp_pa
     assert contents(spread) == contents(alone)
 
 
-@pytest.mark.slow
 def test_a_lost_scheduler_leaves_a_store_to_go_on_with(tmp_path):
     store, whole = tmp_path / "lost.zarr", tmp_path / "whole.zarr"
     with cluster() as (address, scheduler, _):

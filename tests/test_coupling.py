@@ -4,7 +4,6 @@ import copy
 import ctypes
 import threading
 import time
-import warnings
 from collections import Counter
 
 import mujoco

@@ -431,7 +431,9 @@ def test_the_water_that_is_drawn_keeps_up_with_the_clock_three_times_over(thrown
 
 viser = pytest.importorskip("viser", reason="the extra play is not installed")
 
-from mjskip.play.server import Playground, check_free, is_loopback, may_talk  # noqa: E402
+from mjskip.play import door as play_door  # noqa: E402
+from mjskip.play.door import is_loopback, may_talk  # noqa: E402
+from mjskip.play.server import Playground, check_free  # noqa: E402
 
 
 @contextlib.contextmanager
@@ -552,7 +554,8 @@ def test_ctrl_c_ends_it_cleanly(number):
 
 def test_listening_to_everybody_is_said():
     with served("--host", "0.0.0.0") as (process, line):
-        assert "anybody who reaches this machine" in line
+        assert "?token=" in line
+        assert "nothing is encrypted" in line
         process.send_signal(signal.SIGINT)
         process.communicate(timeout=PATIENCE)
 
@@ -638,13 +641,84 @@ gone = pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection")
 
 @gone
 def test_a_page_of_another_origin_is_turned_away(playground):
+    from websockets.exceptions import InvalidStatus
+
+    with pytest.raises(InvalidStatus) as refused:
+        Page(playground, origin="http://evil.example")
+    assert refused.value.response.status_code == 403
+    assert not playground.tabs
+
+
+def connection_closed(page):
     from websockets.exceptions import ConnectionClosed
 
-    with Page(playground, origin="http://evil.example") as page:
-        with pytest.raises(ConnectionClosed) as closed:
-            page.listen()
-        assert closed.value.rcvd.code == 1008
-    assert not playground.tabs
+    with pytest.raises(ConnectionClosed) as closed:
+        page.listen()
+    return closed.value.rcvd.code
+
+
+@gone
+def test_a_frame_that_no_control_sends_ends_its_connection(playground):
+    with Page(playground) as page:
+        page.socket.send(b"x" * (play_door.LARGEST_FRAME + 1))
+        assert connection_closed(page) == 1009
+    wait_until(lambda: not playground.tabs)
+
+
+@gone
+def test_a_page_that_sends_without_pause_is_closed_and_others_play_on(playground, monkeypatch):
+    with Page(playground) as quiet:
+        quiet.set("Throw", True)
+        monkeypatch.setattr(play_door, "MOST_MESSAGES", 50)
+        with Page(playground) as page:
+            for _ in range(100):
+                page.set("speed", 11.0)
+            assert connection_closed(page) == 1008
+        wait_until(lambda: quiet.tab.thrown is not None and quiet.tab.frames > 1)
+    wait_until(lambda: not playground.tabs)
+
+
+def test_a_stranger_who_says_nothing_is_dropped(playground, monkeypatch):
+    from websockets.sync.client import connect
+
+    monkeypatch.setattr(play_door, "FIRST_MESSAGE", 0.2)
+    names = [f"viser-v{viser.__version__}"]
+    with connect(playground.url.replace("http", "ws"), subprotocols=names, max_size=None) as socket:
+        page = type("Silent", (), {"listen": lambda _: [socket.recv(PATIENCE) for _ in range(999)]})
+        assert connection_closed(page()) == 1008
+
+
+@gone
+def test_an_unknown_choice_of_the_page_is_ignored(playground, capsys):
+    with Page(playground) as page:
+        page.set("slow", "as fast as you can")
+        page.set("view", "from below")
+        page.set("slow", "10")
+        wait_until(lambda: page.tab._controls["slow"].value == "10")
+        wait_until(lambda: page.tab._controls["view"].value != "from below")
+        page.set("Throw", True)
+        wait_until(lambda: page.tab.thrown is not None)
+    assert "Traceback" not in capsys.readouterr().err
+    wait_until(lambda: not playground.tabs)
+
+
+def test_beyond_this_machine_the_address_needs_its_token(monkeypatch):
+    door = play_door.Door("0.0.0.0")
+    assert len(door.token) > 20
+
+    def refusal(path="/", **headers):
+        from websockets.datastructures import Headers
+        from websockets.http11 import Request
+
+        return door.refusal(Request(path, Headers(Host="192.0.2.7:8080", **headers)))
+
+    assert "token" in refusal()
+    assert "token" in refusal("/?token=guess")
+    assert "token" in refusal(Cookie="mjskip_token=guess")
+    assert refusal(f"/?token={door.token}&speed=3") is None
+    assert refusal(Cookie=f"mjskip_token={door.token}") is None
+    assert "not from here" in refusal(f"/?token={door.token}", Origin="http://evil.example")
+    assert play_door.Door("127.0.0.1").token == ""
 
 
 @gone

@@ -48,7 +48,6 @@ FLAGS = [
 SMALL = "fixedDpr=0.5"  # viser draws half as many pixels each way
 
 pytestmark = [
-    pytest.mark.slow,
     # a page that is closed while its stone flies
     pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection"),
 ]

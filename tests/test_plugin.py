@@ -17,8 +17,8 @@ from mujoco import batch, rollout
 from mjskip import Water, attach, register_plugin, wrench
 from mjskip.coupling import _struct_layout as layout
 from mjskip.coupling import plugin as plugin_module
-from mjskip.coupling.wet import body_stone
 from mjskip.coupling.plugin import plugin_water
+from mjskip.coupling.wet import body_stone
 from mjskip.errors import MjskipError, SceneError
 
 FULL = mujoco.mjtState.mjSTATE_FULLPHYSICS

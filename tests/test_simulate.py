@@ -8,8 +8,9 @@ from conftest import rotation
 
 from mjskip import Limits, Stone, Throw, Water, load_scene, simulate
 from mjskip.errors import DivergedError, MjskipWarning, SceneError
-from mjskip.hydro.wrench import observe, pack, pack_states
+from mjskip.hydro.wrench import pack, wrench_and_immersion
 from mjskip.rigid.attitude import difference
+from mjskip.rigid.state import pack_states
 from mjskip.throws.engines import MujocoEngine
 from mjskip.throws.recording import Log, find_contacts
 from mjskip.throws.simulate import largest_timestep, simulate_all
@@ -144,7 +145,7 @@ def motion_of(heights, step=1e-3):
 def contacts_of(heights, *, min_airtime=0.010):
     times, states = motion_of(heights)
     pebble = Stone.pebble()
-    seen = observe(pack(pebble, Water()), states)
+    seen = wrench_and_immersion(pack(pebble, Water()), states)
     return find_contacts(times, states, seen, pebble.disc_normal, min_airtime=min_airtime)
 
 

@@ -32,7 +32,8 @@ from mjskip.draw.render import (
     render_frames,
     render_video,
 )
-from mjskip.draw.video import check_folder, check_video_path
+from mjskip.draw.video import check_video_path
+from mjskip.files import check_folder
 from mjskip.throws.scene import Scene
 from mjskip.throws.trajectory import Trajectory
 

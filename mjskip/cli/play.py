@@ -35,7 +35,8 @@ err = Console(stderr=True, highlight=False)
 )
 def play(scene: str, body: str | None, host: str, port: int) -> None:
     """A page where you throw the stone of SCENE; Ctrl-C ends it."""
-    from mjskip.play.server import Playground, is_loopback
+    from mjskip.play.door import is_loopback
+    from mjskip.play.server import Playground
 
     # a tab that closes while its stone flies: nobody misses the frame
     warnings.filterwarnings("ignore", message="Queued a .* on a closed connection")
@@ -51,7 +52,7 @@ def play(scene: str, body: str | None, host: str, port: int) -> None:
         who = (
             "this machine only"
             if is_loopback(host)
-            else "anybody who reaches this machine can use it: no password, no encryption"
+            else "whoever has this address can use it: the token is its only protection, and nothing is encrypted"
         )
         click.echo(f"mjskip play: {playground.url} ({who}); Ctrl-C ends")
         ended.wait()

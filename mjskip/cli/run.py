@@ -14,11 +14,11 @@ from rich.table import Table
 from mjskip import __version__
 from mjskip.cli.filming import FILMING, check_film, check_stage, film, film_options
 from mjskip.cli.options import chosen_scene, throw_options
-from mjskip.draw.video import check_folder
+from mjskip.files import check_target
 from mjskip.throws.recording import Limits
 from mjskip.throws.scene import Scene
 from mjskip.throws.simulate import ENGINES, SURFACES, simulate_all
-from mjskip.throws.throw import Throw
+from mjskip.throws.throw import PARAMETERS
 from mjskip.throws.trajectory import Trajectory
 
 out = Console(highlight=False)
@@ -69,7 +69,7 @@ def run(
     if save is not None:
         if save.suffix != ".nc":
             raise click.UsageError(f"--save is {str(save)!r}: NetCDF files end in .nc")
-        check_folder(save.parent)
+        check_target(save)
     limits = Limits(duration=duration)
     with err.status("preparing: the first run on a machine compiles for some seconds"):
         scene = chosen_scene(**options)
@@ -166,11 +166,11 @@ def skip_table(trajectory: Trajectory) -> Table:
 def headline(scene: Scene, trajectory: Trajectory) -> str:
     """One line: the stone and its throw."""
     name = trajectory.attributes["body"]
-    throw, stone = Throw(**trajectory.attributes["throw"]), scene.stones[name]
+    throw, stone = trajectory.attributes["throw"], scene.stones[name]
+    text = {key: PARAMETERS[key].text_of(value) for key, value in throw.items()}
     return (
         f"[bold]{name}[/] ({1e3 * stone.mass:.3g} g, {len(stone.faces)} triangles) "
-        f"at {throw.speed:.3g} m/s, {throw.spin / (2.0 * math.pi):.3g} rev/s, "
-        f"attack {math.degrees(throw.attack):.3g}°, descent {math.degrees(throw.descent):.3g}°"
+        f"at {text['speed']}, {text['spin']}, attack {text['attack']}, descent {text['descent']}"
     )
 
 

@@ -72,7 +72,10 @@ def _note_copy(table: Any, models: Any, model: int) -> None:
         return
     signature = as_words(model + at)[0]
     for k in range(models[SLOTS]):
-        if models[PAIRS + 2 * k] != 0 and as_words(models[PAIRS + 2 * k + 1])[SIGNATURE] == signature:
+        if (
+            models[PAIRS + 2 * k] != 0
+            and as_words(models[PAIRS + 2 * k + 1])[SIGNATURE] == signature
+        ):
             as_words(models[PAIRS + 2 * k + 1])[COPY_CALLS] += 1
             return
 
@@ -121,9 +124,7 @@ def control(model: int, data: int) -> None:
     for n in range(entry[ATTACHED]):
         row = RECORDS + ROW * n
         body, record, offset = entry[row], entry[row + 1], entry[row + 2]
-        mj_local2Global(
-            data, state, state + 8 * 3, record + 8 * CENTRE, table[IDENTITY], body, 0
-        )
+        mj_local2Global(data, state, state + 8 * 3, record + 8 * CENTRE, table[IDENTITY], body, 0)
         mj_objectVelocity(model, data, OBJ_BODY, body, velocity, 0)
         for i in range(3):  # MuJoCo puts the angular velocity first
             pose[12 + i] = moving[3 + i]

@@ -25,7 +25,6 @@ that is less: the trace, which is no less than its greatest value.
 """
 
 import math
-
 from typing import Any
 
 import numpy as np
@@ -131,12 +130,20 @@ def _limit(
     ty = load[4] + load[10] - static[4]
     tz = load[5] + load[11] - static[5]
     if known[DISSIPATES] == 0.0:
-        force, torque = math.sqrt(fx * fx + fy * fy + fz * fz), math.sqrt(tx * tx + ty * ty + tz * tz)
+        force, torque = (
+            math.sqrt(fx * fx + fy * fy + fz * fz),
+            math.sqrt(tx * tx + ty * ty + tz * tz),
+        )
         change = timestep * (per_mass * force + known[REACH] * per_inertia * torque)
         keep = speed / change if change > speed and change < np.inf else np.inf
         return _keep(load, static, keep) * timestep
     power = -(
-        fx * pose[12] + fy * pose[13] + fz * pose[14] + tx * pose[15] + ty * pose[16] + tz * pose[17]
+        fx * pose[12]
+        + fy * pose[13]
+        + fz * pose[14]
+        + tx * pose[15]
+        + ty * pose[16]
+        + tz * pose[17]
     )
     # torque in body axes, through the inverse inertia
     bx = pose[3] * tx + pose[6] * ty + pose[9] * tz

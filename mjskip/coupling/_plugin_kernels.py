@@ -191,14 +191,14 @@ def _hash_items(
 
 
 @kernel
-def _carries(table: Any, model: int, body: int) -> bool:
+def _carries(table: Any, model: int, body: int) -> Any:
     """Whether a body carries this plugin, by whichever instance."""
     instance = _ints(table, model, BODY_PLUGIN)[body]
     return instance >= 0 and _ints(table, model, PLUGIN)[instance] == table[SLOT]
 
 
 @kernel
-def _text_end(table: Any, model: int, instance: int) -> int:
+def _text_end(table: Any, model: int, instance: int) -> Any:
     """Where the texts of an instance's configuration end in plugin_attr."""
     if instance + 1 == _size(table, model, NPLUGIN):
         return _size(table, model, NPLUGINATTR)
@@ -216,7 +216,7 @@ def _wets_below(table: Any, model: int, instance: int) -> bool:
 
 
 @kernel
-def _is_head(table: Any, model: int, body: int, instance: int, below: bool) -> bool:
+def _is_head(table: Any, model: int, body: int, instance: int, below: bool) -> Any:
     """Whether a body is one that an instance wets, with what is welded to it."""
     if _ints(table, model, BODY_PLUGIN)[body] == instance:
         return True

@@ -9,9 +9,9 @@ from typing import Any
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
-from mjskip.coupling import _control_kernels as tables
+from mjskip._typing import Array
+from mjskip.checks import check_type
 from mjskip.coupling import callback
 from mjskip.coupling.bodies import body_name, find_body
 from mjskip.coupling.plugin import plugin_water
@@ -23,9 +23,8 @@ from mjskip.hydro import primitives
 from mjskip.hydro.hull import Hull
 from mjskip.hydro.hydrostatics import Hydrostatics, hydrostatics
 from mjskip.hydro.water import Water
-from mjskip.hydro.wrench import Wrench, pack, pack_states, wrench_of
-
-Array = npt.NDArray[np.float64]
+from mjskip.hydro.wrench import Wrench, pack, wrench_of
+from mjskip.rigid.state import pack_states
 
 
 class Coupling:
@@ -85,9 +84,7 @@ class Coupling:
             make_record(hull, water, inertia, block)
             for hull, inertia, block in zip(self.hulls, self.inertias, self.blocks, strict=True)
         ]
-        self._entry = callback.Entry(
-            model, self.bodies, self.records, self.blocks, self.inertias
-        )
+        self._entry = callback.Entry(model, self.bodies, self.records, self.blocks, self.inertias)
         self._before: Array | None = None
         self._depth = 0
         self._remove: Callable[[], bool] | None = None
@@ -227,8 +224,7 @@ class Coupling:
     def wrenches(self, data: mujoco.MjData) -> dict[str, Wrench]:
         """Wrench on every wet body, by name, or by number where it has none."""
         return {
-            body_name(self.model, body): self._wrench(data, k)
-            for k, body in enumerate(self.bodies)
+            body_name(self.model, body): self._wrench(data, k) for k, body in enumerate(self.bodies)
         }
 
     def tree_wrench(self, data: mujoco.MjData, body: int | str | None = None) -> Wrench:
@@ -241,14 +237,17 @@ class Coupling:
         root, rows = self._tree(body)
         parts = [self._wrench(data, k) for k in rows]
         centre = np.array(data.subtree_com[root])
-        arms = [self._centre(data, k) - centre for k in rows]
+        arms = [self.centre(data, k) - centre for k in rows]
         wetted = sum(p.wetted_area for p in parts)
         return Wrench(
             force=np.sum([p.force for p in parts], axis=0),
-            torque=np.sum([p.torque + np.cross(r, p.force) for p, r in zip(parts, arms, strict=True)], axis=0),
+            torque=np.sum(
+                [p.torque + np.cross(r, p.force) for p, r in zip(parts, arms, strict=True)], axis=0
+            ),
             air_force=np.sum([p.air_force for p in parts], axis=0),
             air_torque=np.sum(
-                [p.air_torque + np.cross(r, p.air_force) for p, r in zip(parts, arms, strict=True)], axis=0
+                [p.air_torque + np.cross(r, p.air_force) for p, r in zip(parts, arms, strict=True)],
+                axis=0,
             ),
             wetted_area=wetted,
             wetted_centre=np.sum([p.wetted_area * p.wetted_centre for p in parts], axis=0) / wetted
@@ -267,17 +266,23 @@ class Coupling:
         Overlaps between bodies across a joint count twice, as they do in the forces.
         """
         self._check_data(data)
-        root, rows = self._tree(body)
-        triangles = [
-            self.hulls[k].triangles @ data.xmat[self.bodies[k]].reshape(3, 3).T + self._centre(data, k)
-            for k in rows
-        ]
+        root, _ = self._tree(body)
         ahead = data.xmat[root].reshape(3, 3)[:, 0]
         return hydrostatics(
-            np.concatenate(triangles),
+            self.triangles(data, root),
             centre_of_mass=data.subtree_com[root],
             heading=float(np.arctan2(ahead[1], ahead[0])),
         )
+
+    def triangles(self, data: mujoco.MjData, body: int | str | None = None) -> Array:
+        """Corners (n, 3, 3) of all hulls of a tree in the pose of `data`, world [m]."""
+        _, rows = self._tree(body)
+        placed = [
+            self.hulls[k].triangles @ data.xmat[self.bodies[k]].reshape(3, 3).T
+            + self.centre(data, k)
+            for k in rows
+        ]
+        return np.concatenate(placed)
 
     def report(self, data: mujoco.MjData | None = None) -> Any:
         """What is wet and why, body by body: see `mjskip.coupling.report.Report`."""
@@ -310,14 +315,14 @@ class Coupling:
         raise SceneError(f"body {body!r} is not attached: the water acts on {has}")
 
     def _check_data(self, data: mujoco.MjData) -> None:
-        if not isinstance(data, mujoco.MjData):
-            raise ValueError(f"data is {data!r}: give the mujoco.MjData of the attached model")
+        check_type("data", data, mujoco.MjData, "give the mujoco.MjData of the attached model")
         if not _same_model(self.model, data.model):
             raise SceneError(
                 "this data belongs to another model than the one that is attached: give data of the attached model"
             )
 
-    def _centre(self, data: mujoco.MjData, k: int) -> Array:
+    def centre(self, data: mujoco.MjData, k: int) -> Array:
+        """Centre of mass of the welded bodies in row k (3,), world [m]."""
         body = self.bodies[k]
         return np.asarray(data.xpos[body] + data.xmat[body].reshape(3, 3) @ self.inertias[k].centre)
 
@@ -395,7 +400,7 @@ def attach(
     coupling = Coupling(
         model,
         data,
-        water or Water(),
+        Water() if water is None else water,
         bodies=bodies,
         geoms=geoms,
         options=options,
@@ -407,21 +412,14 @@ def attach(
 
 
 def _check_arguments(model: Any, data: Any, water: Any) -> None:
-    if not isinstance(model, mujoco.MjModel):
-        raise ValueError(
-            f"model is {_short(model)}: give a compiled mujoco.MjModel, as MjModel.from_xml_path(file) makes"
-        )
-    if data is not None and not isinstance(data, mujoco.MjData):
-        raise ValueError(f"data is {_short(data)}: give mujoco.MjData(model), or leave it out")
-    if data is not None and not _same_model(model, data.model):
-        raise SceneError("this data belongs to another model: make it with mujoco.MjData(model)")
-    if not isinstance(water, Water):
-        raise ValueError(f"water is {_short(water)}: give a mjskip.Water, such as Water.floating()")
-
-
-def _short(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."
+    check_type("model", model, mujoco.MjModel, "give what mujoco.MjModel.from_xml_path(file) makes")
+    if data is not None:
+        check_type("data", data, mujoco.MjData, "give mujoco.MjData(model), or leave it out")
+        if not _same_model(model, data.model):
+            raise SceneError(
+                "this data belongs to another model: make it with mujoco.MjData(model)"
+            )
+    check_type("water", water, Water, "give a mjskip.Water, such as Water.floating()")
 
 
 def _same_model(model: mujoco.MjModel, other: mujoco.MjModel) -> bool:

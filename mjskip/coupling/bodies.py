@@ -9,15 +9,11 @@ from typing import Any
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
-import trimesh
 
+from mjskip._typing import Array
 from mjskip.errors import MeshError, SceneError
 from mjskip.hydro import primitives
-from mjskip.hydro.solids import capped, closed_mesh
 from mjskip.rigid.attitude import matrices
-
-Array = npt.NDArray[np.float64]
 
 FINE = 64
 """Segments around a round geom where the shape counts more than the time: land."""
@@ -95,7 +91,7 @@ def geom_solid(
     resolution: int = primitives.RESOLUTION,
     strict: bool = False,
     deck: bool = False,
-) -> trimesh.Trimesh:
+) -> Any:
     """A geom's closed surface in its own frame, with the geom's volume.
 
     Args:
@@ -141,8 +137,10 @@ def label(model: Any, geom: int) -> str:
     return f"geom {name or int(geom)!r} of body {body!r}"
 
 
-def mesh_of(model: Any, geom: int) -> trimesh.Trimesh:
+def mesh_of(model: Any, geom: int) -> Any:
     """The mesh of a mesh geom as it was compiled, geom frame."""
+    import trimesh
+
     data = int(model.geom_dataid[geom])
     first, count = int(model.mesh_vertadr[data]), int(model.mesh_vertnum[data])
     vertices = np.array(model.mesh_vert[first : first + count], dtype=np.float64)
@@ -150,8 +148,10 @@ def mesh_of(model: Any, geom: int) -> trimesh.Trimesh:
     return trimesh.Trimesh(vertices, model.mesh_face[first : first + count], process=False)
 
 
-def mesh_solid(model: Any, geom: int, *, strict: bool, deck: bool = False) -> trimesh.Trimesh:
+def mesh_solid(model: Any, geom: int, *, strict: bool, deck: bool = False) -> Any:
     """The closed surface of a mesh geom; triangles that face inwards are turned."""
+    from mjskip.hydro.solids import capped, closed_mesh
+
     mesh = mesh_of(model, geom)
     if deck:
         mesh = capped(mesh)

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 from numba import types
 
 from mjskip._compile.jit import native as compile_native
 from mjskip._compile.pointers import address_of_cfunc
+from mjskip._typing import Array
 from mjskip.coupling import _control_kernels as tables
 from mjskip.coupling import _load_kernels as loads
 from mjskip.coupling._struct_layout import library, members
@@ -27,8 +27,6 @@ from mjskip.hydro.wrench import wrench_address
 
 if TYPE_CHECKING:
     from mjskip.coupling.attach import Coupling
-
-Array = npt.NDArray[np.float64]
 
 
 class Entry:
@@ -63,9 +61,9 @@ class Entry:
         words[tables.INVERSE_WEIGHTS] = model.body_invweight0.ctypes.data
         words[tables.SIGNATURE : tables.SIGNATURE + 1].view(np.uint64)[0] = model.signature
         for k, body in enumerate(bodies):
-            at, offset = tables.RECORDS + tables.ROW * k, self.offsets[k]
+            at, away = tables.RECORDS + tables.ROW * k, self.offsets[k]
             words[at], words[at + 1] = body, records[k].ctypes.data
-            words[at + 2] = 0 if offset is None else offset.ctypes.data
+            words[at + 2] = 0 if away is None else away.ctypes.data
         self.words = words
         self._gravity = (ctypes.c_double).from_address(gravity)
         self.forget()

@@ -373,7 +373,9 @@ def _say_doubts(view: Any, instance: int, told: _Told) -> None:
 def _say_too_large_step(view: Any, body: int, key: int) -> None:
     kept = _records.made.get(key)
     if isinstance(kept, _Kept):
-        timestep = float(_layout._array(view._address + _layout.option_offset("timestep"), "mjtNum", (1,))[0])
+        timestep = float(
+            _layout._array(view._address + _layout.option_offset("timestep"), "mjtNum", (1,))[0]
+        )
         needed = float(kept.record[loads.NEEDED_STEP])
         warnings.warn(
             too_large_step(body_name(view, body), timestep, needed), MjskipWarning, stacklevel=2

@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from mjskip._typing import Array
 from mjskip.coupling import _load_kernels as kernels
 from mjskip.coupling.bodies import body_geoms, body_name, label, mesh_of
 from mjskip.coupling.wet import BuiltHull, Inertia
-from mjskip.errors import MeshError, MjskipWarning
+from mjskip.errors import MeshError
 from mjskip.hydro.hull import Hull
 from mjskip.hydro.laws import LAWS
-from mjskip.hydro.solids import closed_mesh
 from mjskip.hydro.water import Water
-
-Array = npt.NDArray[np.float64]
 
 LIGHTER = 1e-3
 """Share of its weight by which a body must be lighter than water to be said to be."""
@@ -106,6 +102,8 @@ def doubts(
 
 def _mass_doubts(model: Any, members: tuple[int, ...]) -> list[str]:
     """Bodies of one mesh whose mass MuJoCo has from a volume that is not the mesh's."""
+    from mjskip.hydro.solids import closed_mesh
+
     found = []
     for body in members:
         geoms = list(body_geoms(model, body))
@@ -137,10 +135,15 @@ def _mujoco_volumes(mesh: Any) -> dict[str, tuple[float, Array]]:
     hull = mesh.convex_hull
     found = {"convex": (float(hull.volume), _moments(np.asarray(hull.triangles), None))}
     triangles = np.asarray(mesh.triangles)
-    areas = np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1)
+    areas = np.linalg.norm(
+        np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1
+    )
     middle = areas @ triangles.mean(axis=1) / areas.sum()
     corners = triangles - middle
-    volume = float(np.abs(np.einsum("ni,ni->n", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))).sum() / 6.0)
+    volume = float(
+        np.abs(np.einsum("ni,ni->n", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))).sum()
+        / 6.0
+    )
     found["legacy"] = (volume, _moments(triangles, middle))
     return found
 

@@ -198,9 +198,7 @@ def _body(model: mujoco.MjModel, item: str | int) -> int:
     return body
 
 
-def geom_rule(
-    model: Any, rule: GeomRule, bodies: Sequence[int]
-) -> Callable[[int], bool] | None:
+def geom_rule(model: Any, rule: GeomRule, bodies: Sequence[int]) -> Callable[[int], bool] | None:
     """A rule for geoms as a function of a geom's id; None for the colliding ones first."""
     if rule is None:
         return None
@@ -237,7 +235,7 @@ def _groups(name: str, rule: Any) -> set[int] | None:
     numbers = rule.split()[1:]
     if not numbers or not all(n.isdigit() and int(n) < mujoco.mjNGROUP for n in numbers):
         raise ValueError(
-            f"{name} is {rule!r}: give groups from 0 to {mujoco.mjNGROUP - 1}, as in \"group 3\""
+            f'{name} is {rule!r}: give groups from 0 to {mujoco.mjNGROUP - 1}, as in "group 3"'
         )
     return {int(n) for n in numbers}
 
@@ -249,7 +247,7 @@ def _items(name: str, rule: Any) -> list[str | int]:
     items = list(rule) if isinstance(rule, Iterable) else None
     if items is None or not all(isinstance(item, str) or _is_id(item) for item in items):
         raise ValueError(
-            f"{name} is {rule!r}: give names or ids, \"all\", \"group N\", or a function of (model, id)"
+            f'{name} is {rule!r}: give names or ids, "all", "group N", or a function of (model, id)'
         )
     if not items:
         raise ValueError(f"{name} is empty: leave it out, or give names or ids")

@@ -11,25 +11,28 @@ import warnings
 from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
-import trimesh
 
+from mjskip._typing import Array
+from mjskip.checks import check_choice, check_count, check_switch, fault
 from mjskip.coupling.bodies import body_name, geom_solid, kind_name, label, mesh_of, pose_in
 from mjskip.coupling.selection import WetBody, wet_body
 from mjskip.errors import MeshError, MjskipWarning, SceneError
 from mjskip.hydro import primitives
 from mjskip.hydro.hull import Hull
-from mjskip.hydro.solids import Simplification, convex_hull, decked, simplify, union
 from mjskip.hydro.stone import Stone
 from mjskip.rigid.attitude import matrices
 
-Array = npt.NDArray[np.float64]
+if TYPE_CHECKING:
+    from mjskip.hydro.solids import Simplification
+
 Interior = Literal["flooded", "deck", "convex"]
 INTERIORS: tuple[Interior, ...] = get_args(Interior)
 
+FEWEST_FACES = 12
 MAX_FACES = 600
 """Faces of a hull above which it is simplified unless told otherwise."""
 
@@ -55,18 +58,11 @@ class HullOptions:
     strict: bool = False
 
     def __post_init__(self) -> None:
-        for name, least in (("resolution", 4), ("max_faces", 0)):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
-                raise ValueError(f"{name} is {value!r}: give a whole number of at least {least}")
-        if 0 < self.max_faces < 12:
-            raise ValueError(
-                f"max_faces is {self.max_faces}: give at least 12, or 0 to keep every face"
-            )
-        if self.interior not in INTERIORS:
-            raise ValueError(f"interior is {self.interior!r}: use one of {', '.join(INTERIORS)}")
-        if not isinstance(self.strict, bool | np.bool_):
-            raise ValueError(f"strict is {self.strict!r}: give True or False")
+        check_count("resolution", self.resolution, low=4)
+        if check_count("max_faces", self.max_faces, low=0) in range(1, FEWEST_FACES):
+            raise fault("max_faces", self.max_faces, f"give at least {FEWEST_FACES}, or 0 for all")
+        check_choice("interior", self.interior, INTERIORS)
+        check_switch("strict", self.strict)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -225,7 +221,11 @@ def _build(
     inertia: Inertia,
     placed: list[tuple[Array, Array]],
 ) -> BuiltHull:
-    parts: list[trimesh.Trimesh] = []
+    import trimesh
+
+    from mjskip.hydro.solids import convex_hull, decked, simplify, union
+
+    parts: list[Any] = []
     lost: dict[int, str] = {}
     for k, (geom, (place, turn)) in enumerate(zip(wet.geoms, placed, strict=True)):
         try:
@@ -242,7 +242,9 @@ def _build(
             lost[k] = f"is no solid: {str(error).split(': ', 1)[-1]}"
             warnings.warn(f"{error}; it is left out", MjskipWarning, stacklevel=2)
             continue
-        parts.append(trimesh.Trimesh(np.asarray(solid.vertices) @ turn.T + place, solid.faces, process=False))
+        parts.append(
+            trimesh.Trimesh(np.asarray(solid.vertices) @ turn.T + place, solid.faces, process=False)
+        )
     if not parts:
         return BuiltHull(hull=None, lost=lost)
     whole = union(parts)
@@ -266,7 +268,7 @@ def _with_area(vertices: Array, faces: npt.NDArray[np.int32]) -> npt.NDArray[np.
     """The faces that have an area: others carry no load and have no normal."""
     a, b, c = np.moveaxis(vertices[faces], 1, 0)
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    return faces[areas > 2e-14 * float(np.ptp(vertices, axis=0).max()) ** 2]
+    return np.asarray(faces[areas > 2e-14 * float(np.ptp(vertices, axis=0).max()) ** 2], np.int32)
 
 
 def body_stone(model: Any, body: int) -> Stone:

@@ -12,8 +12,8 @@ import numpy.typing as npt
 
 from mjskip.draw.overlay import caption
 from mjskip.draw.render import Flights, Shot, frames, shot_times
-from mjskip.draw.video import Image, Progress, check_folder, check_video_path, write_video
-from mjskip.files import whole_file
+from mjskip.draw.video import Image, Progress, check_video_path, write_video
+from mjskip.files import check_folder, whole_file
 from mjskip.throws.trajectory import Trajectory
 
 if TYPE_CHECKING:

@@ -24,13 +24,13 @@ from mjskip.draw.stage import check_camera as check_camera
 from mjskip.draw.video import (
     Image,
     Progress,
-    check_folder,
     check_fps,
     check_size,
     check_video_path,
     write_pngs,
     write_video,
 )
+from mjskip.files import check_folder
 from mjskip.throws.trajectory import Trajectory
 from mjskip.throws.wake import Wake
 

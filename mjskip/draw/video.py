@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip.errors import RenderError
-from mjskip.files import whole_file
+from mjskip.files import check_folder, whole_file
 
 Image = npt.NDArray[np.uint8]
 """One picture (height, width, 3), rows from the top."""
@@ -44,12 +44,6 @@ def check_fps(fps: float) -> None:
     """Raise ValueError for a frame rate nobody can watch."""
     if not (math.isfinite(fps) and 1.0 <= fps <= 240.0):
         raise ValueError(f"fps is {fps!r}: give a number of frames per second from 1 to 240")
-
-
-def check_folder(folder: Path) -> None:
-    """Raise ValueError if there is no such folder to write into."""
-    if not folder.is_dir():
-        raise ValueError(f"no folder {folder}: create it or choose one that exists")
 
 
 def check_video_path(path: Path) -> None:

@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import shapely
 
-Array = npt.NDArray[np.float64]
+from mjskip._typing import Array
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -33,9 +32,7 @@ class Hull:
     disc_centre: Array
 
     @classmethod
-    def of_surface(
-        cls, *, vertices: Array, faces: npt.NDArray[np.int32], inertia: Array
-    ) -> Hull:
+    def of_surface(cls, *, vertices: Array, faces: npt.NDArray[np.int32], inertia: Array) -> Hull:
         """A hull about the centre of mass (the origin) of a body with this inertia (3, 3) [kg m^2]."""
         return cls(vertices=vertices, faces=faces, **disc_of(vertices[faces], inertia))
 
@@ -99,6 +96,8 @@ def _axis_of_largest_inertia(inertia: Array) -> Array:
 
 def _silhouette(triangles: Array, normal: Array) -> tuple[float, Array]:
     """Area [m^2] of the shadow along `normal` and its centroid (3,) in the plane of the origin [m]."""
+    import shapely
+
     across = np.linalg.svd(normal[None, :])[2][1:]
     facing = np.einsum("ni,i->n", np.cross(*np.diff(triangles, axis=1).transpose(1, 0, 2)), normal)
     shadows = shapely.polygons((triangles @ across.T)[facing > 0.0])

@@ -18,9 +18,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from mjskip._typing import Array
 from mjskip.errors import MjskipError
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +74,7 @@ def hydrostatics(
     rise = found.buoyancy[2] - mass_centre[2]
     return Hydrostatics(
         displaced_volume=found.volume,
-        centre_of_buoyancy=found.buoyancy + [*mass_centre[:2], 0.0],
+        centre_of_buoyancy=found.buoyancy + np.array([*mass_centre[:2], 0.0]),
         wetted_area=found.wetted,
         waterplane_area=found.waterplane,
         centre_of_flotation=found.flotation + mass_centre[:2],
@@ -215,9 +214,7 @@ def float_at_rest(
     """
     body = np.asarray(triangles, np.float64) - np.asarray(centre_of_mass, np.float64)
     volume = mass / density
-    whole = float(
-        np.einsum("ni,ni->", body[:, 0], np.cross(body[:, 1], body[:, 2])) / 6.0
-    )
+    whole = float(np.einsum("ni,ni->", body[:, 0], np.cross(body[:, 1], body[:, 2])) / 6.0)
     if volume >= whole:
         raise SinksError(
             f"it sinks: {mass:.6g} kg, and the water it displaces when it is sunk weighs {density * whole:.6g} kg"
@@ -256,12 +253,18 @@ def float_at_rest(
     return _flotation(body @ turn.T, turn, height)
 
 
+def trim_and_heel(rotation: Array) -> tuple[float, float]:
+    """Angles of a rotation body to world (3, 3), as `Flotation` has them [rad]."""
+    up = rotation[2]
+    return math.asin(max(-1.0, min(1.0, up[0]))), math.atan2(up[1], up[2])
+
+
 def _flotation(turned: Array, turn: Array, height: float) -> Flotation:
-    placed = turned + [0.0, 0.0, height]
+    placed = turned + np.array([0.0, 0.0, height])
     return Flotation(
         draft=-float(placed[..., 2].min()),
-        trim=math.asin(max(-1.0, min(1.0, turn[2, 0]))),
-        heel=math.atan2(turn[2, 1], turn[2, 2]),
+        trim=trim_and_heel(turn)[0],
+        heel=trim_and_heel(turn)[1],
         rotation=turn,
         centre_of_mass=height,
         hydrostatics=hydrostatics(
@@ -277,7 +280,7 @@ def _let_down(turned: Array, volume: float, near: float | None) -> tuple[float, 
     low, high = -float(turned[..., 2].max()), -float(turned[..., 2].min())
     height = 0.5 * (low + high) if near is None or not low < near < high else near
     for _ in range(200):
-        state = _integrals(turned + [0.0, 0.0, height])
+        state = _integrals(turned + np.array([0.0, 0.0, height]))
         excess = state.volume - volume
         if abs(excess) <= 1e-14 * volume:
             break
@@ -289,7 +292,7 @@ def _let_down(turned: Array, volume: float, near: float | None) -> tuple[float, 
         height = ahead if low < ahead < high else 0.5 * (low + high)
         if high - low <= 1e-15 * max(1.0, abs(high)):
             break
-    return height, _integrals(turned + [0.0, 0.0, height])
+    return height, _integrals(turned + np.array([0.0, 0.0, height]))
 
 
 def _balance(state: _Integrals, height: float) -> tuple[float, Array, Array]:

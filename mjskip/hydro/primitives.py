@@ -11,15 +11,14 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import trimesh
 
-Array = npt.NDArray[np.float64]
+from mjskip._typing import Array
 
 RESOLUTION = 12
 """Segments around a circle unless told otherwise; multiples of 4 keep every mirror plane."""
 
 
-def box(size: Sequence[float]) -> Any:
+def box(size: npt.ArrayLike) -> Any:
     """A box of half lengths (3,) [m], 24 faces: every side is four triangles about its middle."""
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float64)
     middles = np.array([[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]])
@@ -28,16 +27,16 @@ def box(size: Sequence[float]) -> Any:
         [8 + side, ring[k], ring[(k + 1) % 4]] for side, ring in enumerate(around) for k in range(4)
     ]
     vertices = np.vstack([corners, middles]) * np.asarray(size, np.float64)
-    return trimesh.Trimesh(vertices, faces, process=False)
+    return _mesh(vertices, faces)
 
 
-def ellipsoid(size: Sequence[float], resolution: int = RESOLUTION) -> Any:
+def ellipsoid(size: npt.ArrayLike, resolution: int = RESOLUTION) -> Any:
     """An ellipsoid of half axes (3,) [m]: an octahedron whose faces are divided, 8 (resolution / 4 + 1)^2 faces."""
     n = max(2, round(resolution / 4.0) + 1)
     vertices, faces = _octasphere(n)
-    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    mesh = _mesh(vertices, faces)
     grow = (4.0 / 3.0 * math.pi / mesh.volume) ** (1.0 / 3.0)
-    return trimesh.Trimesh(vertices * grow * np.asarray(size), faces, process=False)
+    return _mesh(vertices * grow * np.asarray(size), faces)
 
 
 def _octasphere(n: int) -> tuple[Array, npt.NDArray[np.int64]]:
@@ -46,7 +45,7 @@ def _octasphere(n: int) -> tuple[Array, npt.NDArray[np.int64]]:
     faces: list[list[int]] = []
     for sx, sy, sz in ((x, y, z) for x in (1, -1) for y in (1, -1) for z in (1, -1)):
         first = len(points)
-        number = {}
+        number: dict[tuple[int, int], int] = {}
         for i in range(n + 1):
             for j in range(n + 1 - i):
                 k = n - i - j
@@ -59,7 +58,8 @@ def _octasphere(n: int) -> tuple[Array, npt.NDArray[np.int64]]:
                 if i + j < n - 1:
                     triangles.append((number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]))
                 faces += [list(t if sx * sy * sz > 0 else t[::-1]) for t in triangles]
-    mesh = trimesh.Trimesh(np.array(points), faces, process=True)
+    mesh = _mesh(np.array(points), faces)
+    mesh.merge_vertices()
     return np.array(mesh.vertices), np.array(mesh.faces)
 
 
@@ -114,8 +114,12 @@ def _revolved(profile: Sequence[tuple[float, float]], segments: int) -> Any:
         faces += [first, second]
     upper = np.vstack(faces)
     lower = vertices * [1.0, 1.0, -1.0]
-    mesh = trimesh.Trimesh(
-        np.vstack([vertices, lower]), np.vstack([upper, upper[:, ::-1] + len(vertices)]), process=False
-    )
+    mesh = _mesh(np.vstack([vertices, lower]), np.vstack([upper, upper[:, ::-1] + len(vertices)]))
     mesh.merge_vertices()
     return mesh
+
+
+def _mesh(vertices: Any, faces: Any) -> Any:
+    import trimesh  # half a second that a command's help does not need
+
+    return trimesh.Trimesh(vertices, faces, process=False)

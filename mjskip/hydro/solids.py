@@ -19,9 +19,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import QhullError
 
+from mjskip._typing import Array
 from mjskip.errors import MeshError, MjskipWarning
 
-Array = npt.NDArray[np.float64]
 Faces = npt.NDArray[np.int32]
 
 FLAT = 1e-12
@@ -298,8 +298,8 @@ def _surface(solid: Any, extent: float) -> Any:
     """The triangles of a manifold, slivers collapsed."""
     shown = solid.simplify(1e-9 * extent).to_mesh64()
     return trimesh.Trimesh(
-        np.asarray(shown.vert_properties, np.float64)[:, :3],
-        np.asarray(shown.tri_verts, np.int64),
+        np.array(shown.vert_properties, np.float64)[:, :3].copy(),
+        np.array(shown.tri_verts, np.int64),
         process=False,
     )
 
@@ -397,7 +397,9 @@ def decked(mesh: Any) -> Any:
     extent = float(np.ptp(mesh.vertices, axis=0).max())
     solid = _manifold(mesh)
     pockets = (_manifold(outer) - solid).decompose()
-    planes = np.hstack([outer.face_normals, -np.sum(outer.face_normals * outer.triangles[:, 0], axis=1)[:, None]])
+    planes = np.hstack(
+        [outer.face_normals, -np.sum(outer.face_normals * outer.triangles[:, 0], axis=1)[:, None]]
+    )
     sides = np.unique(np.round(planes[planes[:, 2] < 1e-3], 9), axis=0)
     basins: list[Any] = []
     for pocket in pockets:

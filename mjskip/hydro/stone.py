@@ -9,13 +9,11 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import trimesh
 
+from mjskip._typing import Array
+from mjskip.checks import check_positive
 from mjskip.errors import MeshError
 from mjskip.hydro.hull import Hull, disc_of
-from mjskip.hydro.solids import closed_mesh, without_voids
-
-Array = npt.NDArray[np.float64]
 
 GRANITE = 2600.0
 """Density of the stones made here unless another is given [kg/m^3]."""
@@ -120,6 +118,8 @@ class Stone(Hull):
             faces.append(np.column_stack([upper + here, lower + after, upper + after]))
         last = (len(rings) - 1) * segments
         faces.append(np.column_stack([np.full(segments, bottom), last + after, last + here]))
+        import trimesh  # half a second that a command's help does not need
+
         mesh = trimesh.Trimesh(vertices, np.vstack(faces), process=False)
         return cls.from_mesh(mesh, density=density, mass=mass)
 
@@ -150,6 +150,8 @@ class Stone(Hull):
             MeshError: the mesh has inverted normals or no volume, or it is open (strict).
             ValueError: density, mass or scale is not a positive number, or both are given.
         """
+        from mjskip.hydro.solids import closed_mesh, without_voids
+
         check_positive(scale=scale)
         mesh = closed_mesh(_read(mesh), scale=scale, fix_normals=fix_normals, strict=strict)
         if density is not None and mass is not None:
@@ -188,14 +190,9 @@ class Stone(Hull):
         return cls(vertices=vertices, faces=faces, mass=mass, inertia=inertia, **disc)
 
 
-def check_positive(**named: float) -> None:
-    """Raise ValueError, with the name, for the first value that is not a finite positive number."""
-    for name, value in named.items():
-        if not (math.isfinite(value) and value > 0.0):
-            raise ValueError(f"{name} is {value!r}: give a finite number greater than 0")
-
-
 def _read(mesh: Any) -> Any:
+    import trimesh
+
     if isinstance(mesh, trimesh.Trimesh):
         return mesh
     path = Path(mesh)

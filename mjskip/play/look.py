@@ -20,8 +20,16 @@ from mjskip.throws.trajectory import Trajectory
 FOLLOW, WHOLE = "follow the stone", "the whole throw"
 VIEWS = (FOLLOW, WHOLE)
 
-VISER = ("websocket", "showStats", "fixedDpr", "darkMode", "logCamera", "forceOrbitOriginTool")
-"""Parts of an address that are viser's own."""
+VISER = (
+    "token",
+    "websocket",
+    "showStats",
+    "fixedDpr",
+    "darkMode",
+    "logCamera",
+    "forceOrbitOriginTool",
+)
+"""Parts of an address that are the server's own, and no settings."""
 
 HAZE = (150, 172, 182)
 WATER = (36, 128, 158)

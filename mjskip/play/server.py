@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import asyncio
 import errno
-import ipaddress
 import socket
 import threading
 from typing import Any
-from urllib.parse import urlsplit
 
 import rich
 
 from mjskip.errors import MjskipError
+from mjskip.play.door import Door, guarded, is_everywhere
 from mjskip.play.player import Replay
 from mjskip.play.settings import Settings
 from mjskip.play.thrown import Shelf
@@ -26,7 +24,7 @@ class Playground:
     """A page that throws stones in one scene, served until `close`.
 
     Attributes:
-        url: where it is.
+        url: where it is, with the token that an address beyond this machine needs.
         port: that it listens on.
         tabs: by viser's number of the client.
     """
@@ -43,11 +41,11 @@ class Playground:
             MjskipError: viser is missing, or nobody can listen there.
             SceneError: the scene's stone is thrown by an arm.
         """
-        shelf = Shelf(scene)
+        shelf, door = Shelf(scene), Door(host)
         try:
             _warm_up(shelf)
             check_free(host, port)
-            self._server = _viser_server(host, port)
+            self._server = _viser_server(host, port, door)
         except BaseException:
             shelf.close()
             raise
@@ -60,7 +58,8 @@ class Playground:
         self.tabs: dict[int, Any] = {}
         self.port = int(self._server.get_port())
         shown = f"[{host}]" if ":" in host else host
-        self.url = f"http://{'localhost' if is_everywhere(host) else shown}:{self.port}"
+        token = f"/?token={door.token}" if door.token else ""
+        self.url = f"http://{'localhost' if is_everywhere(host) else shown}:{self.port}{token}"
         self._server.on_client_connect(self._welcome)
         self._server.on_client_disconnect(self._farewell)
         if port not in (0, self.port):  # taken between the look and the listening
@@ -80,8 +79,6 @@ class Playground:
         self._shelf.close()
 
     def _welcome(self, client: Any) -> None:
-        if not self._is_ours(client):
-            return
         with self._lock:
             if self._closed:
                 return
@@ -103,50 +100,6 @@ class Playground:
             tab = self.tabs.pop(client.client_id, None)
         if tab is not None:
             tab.close()
-
-    def _is_ours(self, client: Any) -> bool:
-        """Whether the page came from here; viser itself lets pages of any origin talk to it."""
-        connection = self._server._websock_server._live_connections.get(client.client_id)
-        if connection is None:
-            return False  # gone already
-        headers = connection.request.headers
-        if may_talk(headers.get("Origin"), headers.get("Host"), bound=self._host):
-            return True
-        closing = connection.close(1008, "this page is not from here")
-        asyncio.run_coroutine_threadsafe(closing, self._server.get_event_loop())
-        return False
-
-
-def may_talk(origin: str | None, host: str | None, *, bound: str) -> bool:
-    """Whether a page of this origin may use a server that was reached by this host.
-
-    Browsers always send an origin; programs need not. Where the server is bound to this machine only,
-    the origin must be this machine too, or a page from elsewhere could lead its own name here.
-    """
-    if origin is None:
-        return True
-    if origin != f"http://{host}" and origin != f"https://{host}":
-        return False
-    name = urlsplit(origin).hostname or ""
-    return not is_loopback(bound) or is_loopback(name)
-
-
-def is_loopback(host: str) -> bool:
-    """Whether a name or address means this machine only."""
-    if host.lower() == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
-
-
-def is_everywhere(host: str) -> bool:
-    """Whether an address means every network of this machine."""
-    try:
-        return ipaddress.ip_address(host).is_unspecified
-    except ValueError:
-        return host == ""
 
 
 def check_free(host: str, port: int) -> None:
@@ -189,7 +142,7 @@ def taken(host: str, port: int) -> str:
     )
 
 
-def _viser_server(host: str, port: int) -> Any:
+def _viser_server(host: str, port: int, door: Door) -> Any:
     try:
         import viser
     except ImportError as error:
@@ -204,12 +157,8 @@ def _viser_server(host: str, port: int) -> Any:
             """Any page may ask for a tunnel through a foreign server: never."""
 
     rich.get_console().quiet = True  # viser's banner and its farewell
-    server = Server(host=host, port=port, label="mjskip", verbose=False)
-    if not hasattr(server._websock_server, "_live_connections"):
-        server.stop()
-        raise MjskipError(
-            f"viser {viser.__version__} does not tell where a page comes from: install viser 1.1"
-        )
+    with guarded(door):
+        server = Server(host=host, port=port, label="mjskip", verbose=False)
     server.gui.configure_theme(
         show_logo=False, show_share_button=False, brand_color=(11, 114, 133), control_width="medium"
     )

@@ -131,11 +131,11 @@ class Tab:
         self.thrown = thrown
         with self.client.atomic():
             self._report(thrown)
-            self._water = look.grid(self._controls["view"].value, thrown)
+            self._water = look.grid(self._choice("view", look.VIEWS), thrown)
             look.place_throw(self._nodes, thrown)
             self._touches = 0
-        if self._controls["view"].value != look.FOLLOW:
-            look.aim(self.client, self._controls["view"].value, thrown)
+        if self._choice("view", look.VIEWS) != look.FOLLOW:
+            look.aim(self.client, self._choice("view", look.VIEWS), thrown)
         self._status(thrown.doubts[0] if thrown.doubts else "")
         self._player.play(thrown)
 
@@ -148,7 +148,7 @@ class Tab:
             look.mark_touches(self._nodes, frame)
             self._touches = frame.touches
         with self.client.atomic():
-            look.draw(self._nodes, self._water, frame, view=self._controls["view"].value)
+            look.draw(self._nodes, self._water, frame, view=self._choice("view", look.VIEWS))
         self.frames += 1
         late = f"; {frame.late:.1f} s behind the clock: this machine is slow"
         self._clock(f"{frame.time:.2f} s{late if frame.late >= 0.5 else ''}")
@@ -202,7 +202,9 @@ class Tab:
         controls["slow"] = gui.add_dropdown(
             "slow motion", tuple(SLOW), initial_value=next(iter(SLOW)), hint="Times slower."
         )
-        controls["slow"].on_update(lambda _: self._player.slow(SLOW[controls["slow"].value]))
+        controls["slow"].on_update(
+            lambda _: self._player.slow(SLOW[self._choice("slow", tuple(SLOW))])
+        )
         controls["view"] = gui.add_dropdown("view", look.VIEWS, initial_value=look.FOLLOW)
         controls["view"].on_update(self._change_view)
         controls["clock"] = gui.add_html("")
@@ -267,10 +269,21 @@ class Tab:
         for name in ("radius", "thickness"):
             self._controls[name].visible = self._controls["stone"].value != "scene"
 
+    def _choice(self, name: str, allowed: tuple[str, ...]) -> str:
+        """What a dropdown says; a value that it does not have is put back to the first that it has."""
+        value = str(self._controls[name].value)
+        if value in allowed:
+            return value
+        self._status(
+            f"{name}: {html.escape(value[:40])} is ignored; use one of {', '.join(allowed)}"
+        )
+        self._controls[name].value = allowed[0]
+        return allowed[0]
+
     def _change_view(self, _: Any) -> None:
-        look.aim(self.client, self._controls["view"].value, self.thrown)
+        look.aim(self.client, self._choice("view", look.VIEWS), self.thrown)
         if self.thrown is not None:
-            self._water = look.grid(self._controls["view"].value, self.thrown)
+            self._water = look.grid(self._choice("view", look.VIEWS), self.thrown)
             if not self._player.playing:
                 self._player.play(self.thrown)
 

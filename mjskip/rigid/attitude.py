@@ -9,9 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import Rotation
 
-Array = npt.NDArray[np.float64]
+from mjskip._typing import Array
 
 
 class Angles(NamedTuple):
@@ -24,6 +23,8 @@ class Angles(NamedTuple):
 
 def matrices(q: npt.ArrayLike) -> Array:
     """Rotation matrices (..., 3, 3), body to world, of quaternions (..., 4)."""
+    from scipy.spatial.transform import Rotation  # a third of a second that many never need
+
     q = np.asarray(q, dtype=np.float64)
     flat = Rotation.from_quat(q.reshape(-1, 4), scalar_first=True).as_matrix()
     return np.asarray(flat, dtype=np.float64).reshape(*q.shape[:-1], 3, 3)
@@ -31,6 +32,8 @@ def matrices(q: npt.ArrayLike) -> Array:
 
 def quaternions(matrix: npt.ArrayLike) -> Array:
     """Unit quaternions (n, 4) of rotation matrices (n, 3, 3), without jumps of sign between rows."""
+    from scipy.spatial.transform import Rotation
+
     found = Rotation.from_matrix(np.asarray(matrix, dtype=np.float64))
     q = np.asarray(found.as_quat(scalar_first=True), dtype=np.float64)
     q[1:] *= np.cumprod(np.where(np.sum(q[1:] * q[:-1], axis=1) < 0.0, -1.0, 1.0))[:, None]
@@ -56,7 +59,7 @@ def difference(a: npt.ArrayLike, b: npt.ArrayLike) -> Array:
     return np.asarray(np.arctan2(sine, cosine), dtype=np.float64)
 
 
-def released(normal_body: npt.ArrayLike, attack: float, bank: float) -> Array:
+def release_attitude(normal_body: npt.ArrayLike, attack: float, bank: float) -> Array:
     """Rotation matrix (3, 3) that gives a stone travelling along +x this attack and bank [rad].
 
     Raises:
@@ -83,6 +86,8 @@ def released(normal_body: npt.ArrayLike, attack: float, bank: float) -> Array:
 @cache
 def _to_z(x: float, y: float, z: float) -> Array:
     """The least rotation (3, 3) that turns a unit vector to +z."""
+    from scipy.spatial.transform import Rotation
+
     turn, _ = Rotation.align_vectors([[0.0, 0.0, 1.0]], [[x, y, z]])
     return np.asarray(turn.as_matrix(), dtype=np.float64)
 

@@ -11,7 +11,8 @@ from typing import Any, Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
-from mjskip.hydro.stone import Stone, check_positive
+from mjskip.checks import check_positive
+from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
 from mjskip.hydro.wrench import pack, wrench_address
 from mjskip.rigid.attitude import matrices

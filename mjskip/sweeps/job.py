@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from mjskip.checks import check_positive
 from mjskip.errors import DivergedError, MjskipError, MjskipWarning
-from mjskip.hydro.stone import Stone, check_positive
+from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
 from mjskip.sweeps.batch import ENDS, Air, throw_all
 from mjskip.sweeps.design import NAMED, STONE, SWITCHES, THROW, WATER, Design

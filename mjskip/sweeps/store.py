@@ -9,14 +9,17 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-import xarray as xr
 
 from mjskip.errors import MjskipError
+from mjskip.files import whole_file, writing
 from mjskip.sweeps.design import Design
 from mjskip.sweeps.job import RESULTS, WORDS
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Index = tuple[slice, ...]
 TITLE = "stone skipping sweep, SI units, angles in radians"
@@ -55,6 +58,8 @@ class Kept:
 
     def dataset(self, request: dict[str, Any]) -> xr.Dataset:
         """All of it, as `open_sweep` would read it."""
+        import xarray as xr
+
         dims = list(self._design.sizes)
         return xr.Dataset(
             {
@@ -79,8 +84,9 @@ class Written:
 
     def write(self, index: Index, found: dict[str, Any]) -> None:
         """Keep a chunk; its status last."""
-        for name in (*RESULTS, *WORDS):
-            self._group[name][index] = found[name]
+        with writing(self._path):
+            for name in (*RESULTS, *WORDS):
+                self._group[name][index] = found[name]
 
     def dataset(self, request: dict[str, Any]) -> xr.Dataset:
         """All of it."""
@@ -98,11 +104,8 @@ def open_store(
     zarr = _zarr()
     path = Path(path)
     if not path.exists():
-        if not path.parent.is_dir():
-            raise MjskipError(f"folder {path.parent} does not exist: create it, or name another")
-        part = path.with_name(f".{path.name}.{os.getpid()}.part")
-        _make(zarr.create_group(part), design, chunks, request)
-        os.replace(part, path)
+        with whole_file(path) as part:
+            _make(zarr.create_group(part), design, chunks, request)
     group = _group(zarr, path)
     made = json.loads(group.attrs["request"])
     differ = list(_differences(made, json.loads(json.dumps(request))))
@@ -121,6 +124,8 @@ def open_sweep(path: str | os.PathLike[str]) -> xr.Dataset:
     Raises:
         MjskipError: there is no sweep, or no `zarr`.
     """
+    import xarray as xr
+
     path = Path(path)
     _group(_zarr(), path)
     with xr.open_zarr(path, consolidated=False, decode_times=False) as opened:

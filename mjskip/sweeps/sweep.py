@@ -10,14 +10,14 @@ from dataclasses import asdict
 from importlib.metadata import version
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-import xarray as xr
 
+from mjskip.checks import check_positive
 from mjskip.errors import MjskipWarning
-from mjskip.hydro.stone import Stone, check_positive
+from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
 from mjskip.sweeps.batch import AIR_TOLERANCE, METHODS, Air
 from mjskip.sweeps.design import Design
@@ -28,6 +28,9 @@ from mjskip.throws.recording import Limits
 from mjskip.throws.scene import Scene, load_scene
 from mjskip.throws.simulate import ENGINES, EngineName, largest_timestep
 from mjskip.throws.throw import Throw
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 CHUNK = 256
 """Throws that are done, written and forgotten together, unless another number is given."""

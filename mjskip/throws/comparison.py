@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from mjskip.checks import check_positive
 from mjskip.errors import DivergedError, MjskipWarning
-from mjskip.hydro.stone import check_positive
 from mjskip.rigid.attitude import difference
 from mjskip.throws.recording import Limits
 from mjskip.throws.scene import Scene

@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from mjskip.checks import check_positive
 from mjskip.errors import DivergedError
-from mjskip.hydro.stone import Stone, check_positive
+from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
-from mjskip.hydro.wrench import observe, pack
+from mjskip.hydro.wrench import pack, wrench_and_immersion
 from mjskip.rigid.attitude import angles, quaternions
 from mjskip.throws.trajectory import Contact, Moment, Trajectory
 
@@ -93,7 +94,7 @@ class Log:
         Args:
             times: (n,) [s].
             states: (n, 18), for the force kernel.
-            observed: (n, 17) as `mjskip.hydro.wrench.observe`; over still water if None.
+            observed: (n, 17) as `mjskip.hydro.wrench.wrench_and_immersion`; over still water if None.
             shares: (n,) of the vertical force that the water was given back; 1 if None.
 
         Raises:
@@ -102,7 +103,7 @@ class Log:
         if self.end is not None or len(times) == 0:
             return self.end
         with np.errstate(all="ignore"):
-            observed = observe(self._block, states) if observed is None else observed
+            observed = wrench_and_immersion(self._block, states) if observed is None else observed
         good = np.isfinite(states).all(axis=1) & np.isfinite(observed).all(axis=1)
         if not good.all():
             k = int(np.argmin(good))
@@ -197,7 +198,7 @@ def find_contacts(
     Args:
         time: (n,) [s].
         states: (n, 18), for the force kernel.
-        seen: (n, 17), from `mjskip.hydro.wrench.observe`.
+        seen: (n, 17), from `mjskip.hydro.wrench.wrench_and_immersion`.
         normal_body: upper disc normal in body axes (3,).
         min_airtime: [s].
     """

@@ -5,14 +5,14 @@ It never touches MuJoCo: with the same forces it is the independent witness of t
 
 from __future__ import annotations
 
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
-import numpy.typing as npt
-from scipy.integrate import DOP853
 
+from mjskip._typing import Array
+from mjskip.checks import check_positive
 from mjskip.errors import MjskipError
-from mjskip.hydro.stone import Stone, check_positive
+from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
 from mjskip.hydro.wrench import pack, wrench_address
 from mjskip.rigid import _rigid_kernels as kernels
@@ -21,7 +21,9 @@ from mjskip.throws.recording import Limits, Log
 from mjskip.throws.throw import State, Throw
 from mjskip.throws.trajectory import Trajectory
 
-Array = npt.NDArray[np.float64]
+if TYPE_CHECKING:
+    from scipy.integrate import DOP853
+
 Method = Literal["euler", "midpoint", "rk4", "adaptive"]
 METHODS: tuple[Method, ...] = get_args(Method)
 
@@ -128,6 +130,8 @@ class Integrator:
         self._done = 0
         self._solver: DOP853 | None = None
         if method == "adaptive":
+            from scipy.integrate import DOP853
+
             absolute: Any = (
                 1e-3 * rtol * np.maximum(np.abs(self._y), 1e-3 * np.linalg.norm(self._y))
             )

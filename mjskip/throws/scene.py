@@ -19,21 +19,22 @@ import mujoco
 import numpy as np
 
 from mjskip.coupling.bodies import body_name, find_body, free_bodies
-from mjskip.coupling.plugin import NAME, plugin_water, register_plugin
+from mjskip.coupling.loading import load_model
+from mjskip.coupling.plugin import NAME, plugin_water
 from mjskip.coupling.terrain import Land, land_of
 from mjskip.coupling.wet import body_stone
 from mjskip.errors import SceneError
 from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
 from mjskip.throws.arm import Arm
-from mjskip.throws.throw import Throw
+from mjskip.throws.throw import PARAMETERS, Throw
 from mjskip.waves import HeightField
 from mjskip.waves.lake import Lake
 
 PREFIX = "mjskip."
 WATER = {field.name for field in fields(Water)}
 FIELD = {"shape", "spacing", "wave_speed", "damping", "stencil", "boundary", "centre"}
-THROW = {field.name for field in fields(Throw)}
+THROW = set(PARAMETERS)
 TEXTS = {"gate", "law", "stencil", "boundary"}
 SWITCHES = {field.name for field in fields(Water) if field.type in (bool, "bool")} | {"obstacles"}
 DEFAULT_SHAPE = (512, 512)
@@ -170,11 +171,7 @@ def load_scene(path: str | os.PathLike[str] = "lake", *, body: str | None = None
         MeshError: a stone's mesh is not closed.
     """
     file = _find(path)
-    try:
-        model = _compile(file)
-    except ValueError as error:
-        reason = " ".join(str(error).split())
-        raise SceneError(f"{file} does not compile as MJCF: {reason}") from error
+    model = load_model(file)
     names = [body_name(model, b) for b in free_bodies(model)]
     if not names:
         raise SceneError(f"{file} has no free body: give the stone a <freejoint/>")
@@ -210,17 +207,6 @@ def load_scene(path: str | os.PathLike[str] = "lake", *, body: str | None = None
         raise SceneError(f"{file}: {error}") from error
     _ = scene.stones  # refuse open meshes here rather than in the middle of a run
     return scene
-
-
-def _compile(file: Path) -> mujoco.MjModel:
-    """The model; the engine plugin is registered if it turns out to be needed."""
-    try:
-        return mujoco.MjModel.from_xml_path(str(file))
-    except ValueError as error:
-        if f"plugin {NAME} not found" not in str(error):
-            raise
-    register_plugin()
-    return mujoco.MjModel.from_xml_path(str(file))
 
 
 def _plugged(model: mujoco.MjModel, file: Path, names: list[str]) -> dict[str, Water]:

@@ -15,10 +15,11 @@ from typing import Any, Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
+from mjskip.checks import check_positive
 from mjskip.coupling.bodies import find_body
 from mjskip.coupling.callback import compile_callback
 from mjskip.errors import MjskipWarning
-from mjskip.hydro.stone import Stone, check_positive
+from mjskip.hydro.stone import Stone
 from mjskip.rigid.attitude import angles, matrices
 from mjskip.throws.engines import Engine, Motion, MujocoEngine, ReferenceEngine, releases
 from mjskip.throws.recording import Limits, Log

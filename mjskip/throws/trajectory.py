@@ -6,14 +6,16 @@ import json
 import math
 import os
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-import xarray as xr
 
 from mjskip.errors import MjskipError
 from mjskip.files import whole_file
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Array = npt.NDArray[np.float64]
 
@@ -142,6 +144,8 @@ class Trajectory:
 
     def to_dataset(self) -> xr.Dataset:
         """The whole trajectory as an xarray Dataset with units and provenance."""
+        import xarray as xr  # half a second that few need
+
         variables: dict[str, Any] = {
             name: (("time", *dims), getattr(self, name), {"units": units, "long_name": text})
             for name, dims, units, text in _SERIES
@@ -183,7 +187,8 @@ class Trajectory:
             MjskipError: the folder does not exist or cannot be written to.
         """
         with whole_file(path) as part:
-            self.to_dataset().to_netcdf(part, engine="h5netcdf")
+            # by way of memory: HDF5 itself does not survive a full disk
+            part.write_bytes(self.to_dataset().to_netcdf(engine="h5netcdf"))
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Trajectory:
@@ -198,6 +203,8 @@ class Trajectory:
                 "`mjskip run --save` wrote"
             )
         try:
+            import xarray as xr
+
             with xr.open_dataset(path, engine="h5netcdf", decode_times=False) as opened:
                 data = opened.load()
             series = {name: data[name].values for name, *_ in _SERIES}

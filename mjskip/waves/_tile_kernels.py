@@ -325,7 +325,7 @@ LOADS, LIMITED, LOST, GAINED, TAKEN, GIVEN = range(6)
 
 @kernel
 def observe_at(wrench: int, immersion: int, block: Any, state: Any, out: Any) -> bool:
-    """`mjskip.hydro.wrench.observe` of one state (18,) into out (17,), by address; whether all is finite."""
+    """`mjskip.hydro.wrench.wrench_and_immersion` of one state (18,) into out (17,), by address; whether all is finite."""
     call_address(wrench, address_of(block), address_of(state), address_of(out))
     call_address(immersion, address_of(block), address_of(state), address_of(out) + 8 * 12)
     total = 0.0

@@ -1,0 +1,132 @@
+"""Checks of arguments: ValueError with one line that names the argument, what came, and what to give instead."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from mjskip._typing import Array
+
+T = TypeVar("T")
+
+LONGEST = 60
+"""Characters of a value that are shown."""
+
+
+def fault(name: str, value: object, remedy: str) -> ValueError:
+    """The error to raise: "speed is 'fast': give a number"."""
+    text = " ".join(repr(value).split())
+    if len(text) > LONGEST:
+        text = f"{text[:LONGEST]}..."
+    return ValueError(f"{name} is {text}: {remedy}")
+
+
+def as_number(value: Any) -> float | None:
+    """The value as a float; None if it is text, a switch, an array or anything else but a number."""
+    if isinstance(value, str | bytes | bool | np.bool_) or np.ndim(value) != 0:
+        return None
+    try:
+        return float(value)
+    except (TypeError, ValueError, OverflowError):
+        return None
+
+
+def check_type(name: str, value: object, kind: type[T], remedy: str = "") -> T:
+    """The value, which must be of this class."""
+    if not isinstance(value, kind):
+        raise fault(name, value, remedy or f"give a mjskip.{kind.__name__}")
+    return value
+
+
+def check_number(
+    name: str,
+    value: object,
+    *,
+    low: float = -math.inf,
+    high: float = math.inf,
+    unit: str = "",
+) -> float:
+    """The value as a float, which must be finite and between these limits (included)."""
+    number = as_number(value)
+    if number is None or not (math.isfinite(number) and low <= number <= high):
+        raise fault(name, value, f"give {_range('a finite number', low, high, unit)}")
+    return number
+
+
+def check_positive(**named: object) -> None:
+    """Every named value must be a finite number greater than 0."""
+    for name, value in named.items():
+        number = as_number(value)
+        if number is None or not (math.isfinite(number) and number > 0.0):
+            raise fault(name, value, "give a finite number greater than 0")
+
+
+def check_count(name: str, value: object, *, low: int = 1, high: float = math.inf) -> int:
+    """The value as an int, which must be a whole number between these limits (included)."""
+    number = as_number(value)
+    if number is None or not (number % 1.0 == 0.0 and low <= number <= high):
+        raise fault(name, value, f"give {_range('a whole number', low, high)}")
+    return int(number)
+
+
+def check_switch(name: str, value: object) -> bool:
+    """The value, which must be True or False."""
+    if not isinstance(value, bool | np.bool_):
+        raise fault(name, value, "give True or False")
+    return bool(value)
+
+
+def check_choice(name: str, value: T, allowed: Collection[T]) -> T:
+    """The value, which must be one of those allowed."""
+    if not isinstance(value, str) or value not in allowed:
+        raise fault(name, value, f"use one of {', '.join(map(str, allowed))}")
+    return value
+
+
+def check_vector(name: str, value: object, size: int) -> Array:
+    """The value as an array (size,) of finite numbers."""
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        array = np.empty(0)
+    if array.shape != (size,) or not np.isfinite(array).all():
+        raise fault(name, value, f"give {size} finite numbers")
+    return array
+
+
+def check_mapping(name: str, value: object, remedy: str) -> Mapping[str, Any]:
+    """The value, which must map names to something."""
+    if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
+        raise fault(name, value, remedy)
+    return value
+
+
+def check_names(name: str, value: object) -> tuple[str, ...]:
+    """The value as a tuple of names; a single text is one name and not its letters."""
+    names = (value,) if isinstance(value, str) else value
+    if not isinstance(names, Collection) or not all(isinstance(n, str) for n in names):
+        raise fault(name, value, "give names, such as ['stone']")
+    return tuple(names)
+
+
+def check_path(name: str, value: object) -> Path:
+    """The value as a path."""
+    if not isinstance(value, str | os.PathLike) or not os.fspath(value):
+        raise fault(name, value, "give a path")
+    return Path(os.fsdecode(value))
+
+
+def _range(kind: str, low: float, high: float, unit: str = "") -> str:
+    unit = f" {unit}" if unit else ""
+    if math.isinf(low) and math.isinf(high):
+        return f"{kind}{f' of{unit}' if unit else ''}"
+    if math.isinf(high):
+        return f"{kind} of at least {low:g}{unit}"
+    if math.isinf(low):
+        return f"{kind} of at most {high:g}{unit}"
+    return f"{kind} between {low:g} and {high:g}{unit}"
