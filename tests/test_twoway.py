@@ -23,7 +23,7 @@ from mjskip.throws.engines import MujocoEngine
 from mjskip.throws.reference import Integrator
 from mjskip.throws.simulate import simulate_all
 from mjskip.throws.throw import State
-from mjskip.waves._tile_kernels import largest_share
+from mjskip.waves._lake_kernels import largest_share
 from mjskip.waves.lake import Lake
 from mjskip.waves.twoway import MovingSurface
 
@@ -33,11 +33,11 @@ DENSITY = 1000.0
 class Run:
     """Stones of the pure integrator over their moving surface."""
 
-    def __init__(self, starts, lake, *, timestep=5e-4, water=None, method="rk4", **options):
+    def __init__(self, starts, lake, *, timestep=5e-4, water=None, integrator="rk4", **options):
         water = water or Water(air_density=0.0, gate="local")
         self.timestep = timestep
         self.stones = {
-            name: Integrator(stone, start, water=water, method=method, timestep=timestep)
+            name: Integrator(stone, start, water=water, integrator=integrator, timestep=timestep)
             for name, (stone, start) in starts.items()
         }
         blocks = {name: stone.block for name, stone in self.stones.items()}
@@ -152,7 +152,7 @@ def test_the_share_is_the_largest_that_the_stone_can_pay_for(linear, square, los
 def test_the_water_is_given_the_momentum_that_the_stone_took(own_dent):
     steps, timestep = 60, 5e-4
     start = thrown(DISC)
-    run = Run({"stone": start}, Lake(), timestep=timestep, method="euler", own_dent=own_dent)
+    run = Run({"stone": start}, Lake(), timestep=timestep, integrator="euler", own_dent=own_dent)
     given = taken = 0.0
     for _ in range(steps):
         seen, share = run.step()
@@ -469,7 +469,7 @@ def test_what_a_lake_cannot_take_is_refused_before_the_run(lake):
     walled = replace(lake, grid=lake.grid | {"shape": (128, 128), "boundary": "reflect"})
     with pytest.raises(
         ValueError,
-        match=r"'stone' starts at \(-4, 0\), outside the walls .* x from -1\.27 to 1\.27 m",
+        match=r"'stone' starts at \(-4, 0\), outside the walls .* x from -1\.28 to 1\.28 m",
     ):
         simulate(walled, surface="waves")
     fine = replace(lake, grid=lake.grid | {"spacing": 1e-6})

@@ -99,7 +99,7 @@ class Scene:
         field = HeightField(**self.grid)
         if not self.obstacles:
             return field
-        return HeightField(**self.grid, land=land_of(self.model, field.x, field.y))
+        return HeightField(**self.grid, terrain_mask=land_of(self.model, field.x, field.y))
 
     def lake(self) -> Lake:
         """Fresh two-way water: endless if the scene's boundary absorbs, else inside its walls or periodic.
