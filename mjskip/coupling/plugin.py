@@ -96,6 +96,14 @@ def plugin_water(model: mujoco.MjModel, body: int) -> Water | None:
     return None
 
 
+def plugin_options(model: mujoco.MjModel, body: int) -> HullOptions:
+    """How the plugin makes the hull of a body that it wets."""
+    carrier = int(body)
+    while int(model.body_plugin[carrier]) < 0 and carrier > 0:
+        carrier = int(model.body_parentid[carrier])
+    return _configured(_layout.ModelView(model._address), int(model.body_plugin[carrier])).options
+
+
 def _slot() -> int:
     """Where MuJoCo has the plugin, -1 if it does not know it."""
     slot = ctypes.c_int(-1)

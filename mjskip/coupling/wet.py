@@ -33,7 +33,7 @@ Interior = Literal["flooded", "deck", "convex"]
 INTERIORS: tuple[Interior, ...] = get_args(Interior)
 
 FEWEST_FACES = 12
-MAX_FACES = 600
+MAX_FACES = 1000
 """Faces of a hull above which it is simplified unless told otherwise."""
 
 
@@ -271,7 +271,11 @@ def _with_area(vertices: Array, faces: npt.NDArray[np.int32]) -> npt.NDArray[np.
     return np.asarray(faces[areas > 2e-14 * float(np.ptp(vertices, axis=0).max()) ** 2], np.int32)
 
 
-def body_stone(model: Any, body: int) -> Stone:
+THROWN = HullOptions(max_faces=0)
+"""What is thrown keeps every face."""
+
+
+def body_stone(model: Any, body: int, options: HullOptions = THROWN) -> Stone:
     """The stone that a body is: MuJoCo's mass and inertia, and its hull.
 
     Raises:
@@ -283,7 +287,7 @@ def body_stone(model: Any, body: int) -> Stone:
     inertia = inertia_of(model, body, wet.members)
     if not inertia.mass > 0.0:
         raise SceneError(f"body {name!r} has no mass: give its geoms a density or a mass")
-    built = hull_of(model, wet, HullOptions(), inertia)
+    built = hull_of(model, wet, options, inertia)
     if built.hull is None:
         reasons = [*wet.left_out.values(), *built.lost.values()]
         raise SceneError(

@@ -20,9 +20,9 @@ import numpy as np
 
 from mjskip.coupling.bodies import body_name, find_body, free_bodies
 from mjskip.coupling.loading import load_model
-from mjskip.coupling.plugin import NAME, plugin_water
+from mjskip.coupling.plugin import NAME, plugin_options, plugin_water
 from mjskip.coupling.terrain import Land, land_of
-from mjskip.coupling.wet import body_stone
+from mjskip.coupling.wet import THROWN, body_stone
 from mjskip.errors import SceneError
 from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
@@ -83,7 +83,12 @@ class Scene:
     @cached_property
     def stones(self) -> Mapping[str, Stone]:
         """Every free body as a stone, by name."""
-        return {name: body_stone(self.model, find_body(self.model, name)) for name in self.throws}
+        found = {}
+        for name in self.throws:
+            body = find_body(self.model, name)
+            options = plugin_options(self.model, body) if name in self.plugged else THROWN
+            found[name] = body_stone(self.model, body, options)
+        return found
 
     @property
     def stone(self) -> Stone:
