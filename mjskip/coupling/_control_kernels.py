@@ -10,7 +10,7 @@ be kept on disk:
     entry     bodies of the model, attached bodies; address of the model's downward gravity, time step and
               inverse weights; its signature; what happened: calls for models of the same signature that are
               not attached since the last one for this model, failed body (-1: none) and time, body whose step was too large (-1: none), time and the step that it needs (doubles' bits);
-              then for every attached body: id, address of its record (`_load_kernels`), of its offset
+              then for every attached body: id, address of its record (`_record_kernels`), of its offset
     offset    doubles: from MuJoCo's centre of mass of the body to the record's (3), body axes
 
 The callback keeps no clock and no state: MuJoCo calls it at every sub-stage of RK4, from any thread. The
@@ -26,7 +26,7 @@ from numba import types
 
 from mjskip._compile.jit import kernel
 from mjskip._compile.pointers import as_doubles, as_words, call_address, stack_doubles, symbol
-from mjskip.coupling._load_kernels import CENTRE, SCRATCH, wet_load
+from mjskip.coupling._record_kernels import CENTRE, SCRATCH, wet_load
 from mjskip.coupling._struct_layout import library
 
 WRENCH, PREVIOUS, MAP, SIGNATURE_AT, IDENTITY = 0, 1, 2, 3, 4

@@ -3,7 +3,7 @@
 The plugin keeps nothing in MjData. An instance wets the bodies that carry it, and what moves below them unless it
 carries another; each such *head* has the bodies that are welded to it. At every call the content of a head (its
 geoms, mass and inertia, the text of its configuration) is hashed, and the hash finds the *record*
-(`_load_kernels`) in a table of this process. So it does not matter which model, copy of a model or data comes, from
+(`_record_kernels`) in a table of this process. So it does not matter which model, copy of a model or data comes, from
 which thread, or whether a model lives where another was freed. A content that is new is handed to
 Python, which builds its record; that happens when MjData is made, or when somebody alters a model.
 
@@ -35,7 +35,7 @@ from mjskip._compile.pointers import (
     stack_doubles,
     symbol,
 )
-from mjskip.coupling._load_kernels import BLOCK, CENTRE, NEEDED_STEP, SCRATCH, wet_load
+from mjskip.coupling._record_kernels import BLOCK, CENTRE, NEEDED_STEP, SCRATCH, wet_load
 from mjskip.coupling._struct_layout import library
 
 WRENCH, IMMERSION, BUILDER, TABLE, GRAVITY, TIMESTEP, SLOT, MEMBERS = 0, 1, 2, 3, 4, 5, 6, 7

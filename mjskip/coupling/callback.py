@@ -18,11 +18,11 @@ from mjskip._compile.jit import native as compile_native
 from mjskip._compile.pointers import address_of_cfunc
 from mjskip._typing import Array
 from mjskip.coupling import _control_kernels as tables
-from mjskip.coupling import _load_kernels as loads
+from mjskip.coupling import _record_kernels as loads
 from mjskip.coupling._struct_layout import library, members
 from mjskip.coupling.wet import Inertia
 from mjskip.errors import SceneError
-from mjskip.hydro._wrench_kernels import WEIGHT_DENSITY
+from mjskip.hydro._block import WEIGHT_DENSITY
 from mjskip.hydro.wrench import wrench_address
 
 if TYPE_CHECKING:

@@ -39,8 +39,8 @@ from numba import types
 
 from mjskip._compile.jit import native
 from mjskip._compile.pointers import address_of_cfunc
-from mjskip.coupling import _load_kernels as loads
 from mjskip.coupling import _plugin_kernels as kernels
+from mjskip.coupling import _record_kernels as loads
 from mjskip.coupling import _struct_layout as _layout
 from mjskip.coupling._struct_layout import library
 from mjskip.coupling.bodies import SOLIDS, body_name, geom_name, kind_name

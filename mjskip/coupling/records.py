@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mjskip._typing import Array
-from mjskip.coupling import _load_kernels as kernels
+from mjskip.coupling import _record_kernels as kernels
 from mjskip.coupling.bodies import body_geoms, body_name, label, mesh_of
 from mjskip.coupling.wet import BuiltHull, Inertia
 from mjskip.errors import MeshError
@@ -25,7 +25,7 @@ MASS_OFF = 0.02
 
 
 def make_record(hull: Hull, water: Water, inertia: Inertia, block: Array) -> Array:
-    """The record by which `_load_kernels` knows a wet body; the block must stay alive with it."""
+    """The record by which `_record_kernels` knows a wet body; the block must stay alive with it."""
     record = np.zeros(kernels.RECORD)
     record[kernels.BLOCK] = np.array([block.ctypes.data], np.int64).view(np.float64)[0]
     record[kernels.CENTRE : kernels.CENTRE + 3] = inertia.centre

@@ -31,7 +31,7 @@ import numpy as np
 
 from mjskip._compile.jit import kernel
 from mjskip._compile.pointers import as_doubles, bits, call_address
-from mjskip.hydro._wrench_kernels import SURFACE, WEIGHT_DENSITY
+from mjskip.hydro._block import SURFACE, WEIGHT_DENSITY
 
 BLOCK = 0
 CENTRE = 1
