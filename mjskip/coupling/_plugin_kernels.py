@@ -1,6 +1,6 @@
 """Engine plugin mjskip.water, compiled to C by numba: force on bodies, and sensors.
 
-The plugin keeps nothing in MjData. An instance wets the bodies that carry it, and what moves below them unless it
+The plugin keeps nothing in MjData, unless its bodies radiate: then the surface's waves are its state. An instance wets the bodies that carry it, and what moves below them unless it
 carries another; each such *head* has the bodies that are welded to it. At every call the content of a head (its
 geoms, mass and inertia, the text of its configuration) is hashed, and the hash finds the *record*
 (`_record_kernels`) in a table of this process. So it does not matter which model, copy of a model or data comes, from
@@ -10,7 +10,8 @@ Python, which builds its record; that happens when MjData is made, or when someb
 Of a large mesh some words are hashed at every call, with the address of the model; MjData that is made looks at all.
 
     root      addresses of the force and immersion kernels, of the builder and of the table; offsets of
-              gravity and time step in mjModel; number of the plugin; offsets of the members of mjModel and
+              gravity and time step in mjModel; number of the plugin, of its key `radiation`; addresses of what lets
+              bodies radiate (`_sea_kernels`); offsets of the members of mjModel and
               mjData below
     table     number of slots, then pairs (hash, address of the record; 0: cannot be built, 1: dry)
     request   what is asked, body, instance, hash; answer: address of the record, error message
@@ -28,6 +29,7 @@ from numba import types
 from mjskip._compile.jit import kernel
 from mjskip._compile.pointers import (
     as_doubles,
+    as_ints,
     as_words,
     bits,
     call_address,
@@ -38,12 +40,14 @@ from mjskip._compile.pointers import (
 from mjskip.coupling._record_kernels import BLOCK, CENTRE, NEEDED_STEP, SCRATCH, wet_load
 from mjskip.coupling._struct_layout import library
 
-WRENCH, IMMERSION, BUILDER, TABLE, GRAVITY, TIMESTEP, SLOT, MEMBERS = 0, 1, 2, 3, 4, 5, 6, 7
+WRENCH, IMMERSION, BUILDER, TABLE, GRAVITY, TIMESTEP, SLOT, RADIATION_KEY = 0, 1, 2, 3, 4, 5, 6, 7
+SEA_ACT, SEA_ADVANCE, SEA_SENSE, MEMBERS = 8, 9, 10, 11
 SLOTS, PAIRS = 0, 1
 ASK, BODY, INSTANCE, KEY, ANSWER, MESSAGE, REQUEST = 0, 1, 2, 3, 4, 5, 6
-CONFIGURATION, HULL, FRESH_HULL, DOUBTS, TOO_LARGE_STEP = 0, 1, 2, 3, 4
+CONFIGURATION, HULL, FRESH_HULL, DOUBTS, TOO_LARGE_STEP, SEA_SIZE = 0, 1, 2, 3, 4, 5
 """What is asked: whether a configuration is allowed; a record; the same after a look at all of its meshes;
-to say what is doubtful about an instance; to say that a body's drag was limited."""
+to say what is doubtful about an instance; to say that a body's drag was limited; the size of the state of bodies
+that radiate (`_sea_kernels`)."""
 CANNOT, DRY = 0, 1
 
 MODEL_MEMBERS = (
@@ -55,7 +59,7 @@ MODEL_MEMBERS = (
     "geom_type", "geom_dataid", "geom_size", "geom_pos", "geom_quat",
     "geom_contype", "geom_conaffinity", "geom_group", "name_geomadr", "names",
     "mesh_vertadr", "mesh_vertnum", "mesh_vert", "mesh_faceadr", "mesh_facenum", "mesh_face",
-    "plugin", "plugin_attr", "plugin_attradr",
+    "plugin", "plugin_attr", "plugin_attradr", "plugin_statenum",
     "sensor_plugin", "sensor_adr",
 )  # fmt: skip
 (
@@ -67,7 +71,7 @@ MODEL_MEMBERS = (
     GEOM_TYPE, GEOM_DATAID, GEOM_SIZE, GEOM_POS, GEOM_QUAT,
     GEOM_CONTYPE, GEOM_CONAFFINITY, GEOM_GROUP, NAME_GEOMADR, NAMES,
     MESH_VERTADR, MESH_VERTNUM, MESH_VERT, MESH_FACEADR, MESH_FACENUM, MESH_FACE,
-    PLUGIN, PLUGIN_ATTR, PLUGIN_ATTRADR,
+    PLUGIN, PLUGIN_ATTR, PLUGIN_ATTRADR, PLUGIN_STATENUM,
     SENSOR_PLUGIN, SENSOR_ADR,
 ) = range(MEMBERS, MEMBERS + len(MODEL_MEMBERS))  # fmt: skip
 DATA_MEMBERS = (
@@ -103,16 +107,6 @@ mj_warning = types.ExternalFunction("mj_warning", types.void(types.int64, types.
 
 STEP = -7046029254386353131  # 2^64 over the golden ratio, as a signed word
 HALF = 0xFFFFFFFF
-
-
-@intrinsic
-def as_ints(typingctx: Any, address: Any) -> Any:
-    """Address of 32-bit integers as a pointer that indexes like a C array."""
-
-    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return builder.inttoptr(args[0], ir.IntType(32).as_pointer())
-
-    return types.CPointer(types.int32)(types.int64), codegen
 
 
 @intrinsic
@@ -213,6 +207,17 @@ def _wets_below(table: Any, model: int, instance: int) -> bool:
         byte_at(end - 6) == 0 and byte_at(end - 5) == 116 and byte_at(end - 4) == 104
         and byte_at(end - 3) == 105 and byte_at(end - 2) == 115
     )  # fmt: skip
+
+
+@kernel
+def _radiates(table: Any, model: int, instance: int) -> bool:
+    """Whether an instance lets its bodies make waves: its text of the key `radiation` is "true"."""
+    at = as_words(model + table[PLUGIN_ATTR])[0] + _ints(table, model, PLUGIN_ATTRADR)[instance]
+    for _ in range(table[RADIATION_KEY]):
+        while byte_at(at) != 0:
+            at += 1
+        at += 1
+    return byte_at(at) == 116  # t
 
 
 @kernel
@@ -450,6 +455,11 @@ def _sense(table: Any, model: int, data: int, instance: int, sensor: int, scratc
         if not _is_head(table, model, body, instance, below):
             continue
         record = _load(table, model, data, body, instance, scratch)
+        if record != 0 and _ints(table, model, BODY_PLUGIN)[body] == instance:
+            if _radiates(table, model, instance):
+                as_words(scratch + 8 * AT_REQUEST)[BODY] = body
+                as_words(scratch + 8 * AT_REQUEST)[INSTANCE] = instance
+                call_address(table[SEA_SENSE], model, data, scratch + 8 * AT_WRENCH)
         for i in range(6):
             reading[at + i] = wrench[i] + wrench[6 + i] if record != 0 else 0.0
         if record != 0:
@@ -460,8 +470,15 @@ def _sense(table: Any, model: int, data: int, instance: int, sensor: int, scratc
 
 
 def nstate(model: int, instance: int) -> int:
-    """No state: it is all in the model and in the data."""
-    return 0
+    """Numbers of an instance's state: none, unless its bodies radiate."""
+    table = as_words(_root())
+    if not _radiates(table, model, instance):
+        return 0
+    request = stack_doubles(REQUEST)
+    size = _ask(table, model, SEA_SIZE, -1, instance, 0, request)
+    if as_words(request)[MESSAGE] != 0:
+        mju_error(as_words(request)[MESSAGE])  # does not return
+    return size
 
 
 def nsensordata(model: int, instance: int, sensor: int) -> int:
@@ -500,18 +517,33 @@ def init(model: int, data: int, instance: int) -> int:
 
 
 def reset(model: int, state: int, stored: int, instance: int) -> None:
-    """Nothing to reset."""
+    """Calm water, that knows no time yet."""
+    table, room = as_words(_root()), as_doubles(state)
+    for i in range(_ints(table, model, PLUGIN_STATENUM)[instance]):
+        room[i] = 0.0
+
+
+def advance(model: int, data: int, instance: int) -> None:
+    """A step was taken."""
+    table = as_words(_root())
+    if _radiates(table, model, instance):
+        call_address(table[SEA_ADVANCE], model, data, instance)
 
 
 def compute(model: int, data: int, instance: int, capability: int) -> None:
     """The wrench of water and air on every wet body of the instance: as a force, or as sensors show it."""
     table = as_words(_root())
     scratch = stack_doubles(LOAD_SCRATCH)
+    radiates = _radiates(table, model, instance)
     if capability & PASSIVE:
+        if radiates:
+            call_address(table[SEA_ACT], model, data, instance)
         below = _wets_below(table, model, instance)
         awake = _ints(table, data, BODY_AWAKE)
+        carrier = _ints(table, model, BODY_PLUGIN)
         for body in range(1, _size(table, model, NBODY)):
             mine = awake[body] != ASLEEP and _is_head(table, model, body, instance, below)
+            mine = mine and not (radiates and carrier[body] == instance)
             if mine and _load(table, model, data, body, instance, scratch) != 0:
                 _push(table, model, data, body, scratch)
     if capability & SENSOR:

@@ -1,17 +1,20 @@
-"""Engine plugin mjskip.sea, compiled to C by numba: bodies afloat that share one surface.
+"""Bodies that radiate inside MuJoCo, compiled to C by numba: what `attach` and the plugin call for them.
 
-The amplitudes of the surface's waves are the plugin's state in MjData, so that copies, rollouts and batches go on
-from it bit for bit. What bodies and sea are made of lives in *entries* of this process, found by a hash that the
-state holds too; a hash that nobody knows here is asked for in Python, which prepares it from the model.
+Bodies of one plugin instance, or of one `attach`, share one surface. The amplitudes of its waves are the plugin's state in
+MjData, so that copies, rollouts and batches go on from it bit for bit; `attach` has no place there and keeps them in
+this process, by the address of the data. What bodies and sea are made of lives in *entries* of this process, found
+by a hash that the state holds too; a hash that nobody knows here is asked for in Python, which prepares it.
 
-    root      address of the force kernel, of the builder, of the table; offsets of members of mjModel and mjData
+    root      addresses of the force kernel, of the builder, of the table; offsets of gravity and time step in mjModel, and
+              of members of mjModel and mjData
     table     number of slots, then pairs (hash, address of an entry)
-    entry     addresses of the surface's block and ring starts; bodies; doubles of scratch; then for every body: id,
-              addresses of its block and of its ring numbers, place in the state, address of its block for drag
+    entry     addresses of the surface's block and ring starts; bodies; doubles of scratch; states of attached data
+              (a table: data, address of its state); then for every body: id, addresses of its block and of its ring
+              numbers, place in the state, address of its record for drag (`_record_kernels`)
 
 MuJoCo calls `advance` once after each step, when poses are stale. So it only notes that a step is due: the surface is
-stepped at the next call of `compute`, with the poses and velocities that the step led to. Added mass is added to
-MuJoCo's own mass matrix, which is factored again: constraints, actuators and integrators then know of it.
+stepped at the next evaluation, with the poses and velocities that the step led to. Added mass is added to MuJoCo's
+own mass matrix, which is factored again: constraints, actuators and integrators then know of it.
 """
 
 import ctypes
@@ -26,41 +29,42 @@ from numba import types
 from mjskip._compile.jit import kernel
 from mjskip._compile.pointers import (
     as_doubles,
+    as_ints,
     as_words,
     call_address,
     stack_doubles,
     symbol,
 )
-from mjskip.coupling._plugin_kernels import as_ints
+from mjskip.coupling._record_kernels import CENTRE, NEEDED_STEP, wet_load
+from mjskip.coupling._record_kernels import SCRATCH as RECORD_SCRATCH
 from mjskip.coupling._struct_layout import library
 from mjskip.hydro import _afloat_kernels as afloat
 
-WRENCH, BUILDER, TABLE, MEMBERS = 0, 1, 2, 3
+WRENCH, BUILDER, TABLE, GRAVITY, TIMESTEP, MEMBERS = 0, 1, 2, 3, 4, 5
 SLOTS, PAIRS = 0, 1
-INSTANCE, ANSWER, KEY, SIZE, MESSAGE, REQUEST = 0, 1, 2, 3, 4, 5
-SURFACE_BLOCK, SURFACE_WORDS, COUNT, SCRATCH, ENTRY = 0, 1, 2, 3, 4
-BODY, BLOCK, WORDS, SLOT, DRAG, ROW = 0, 1, 2, 3, 4, 5
+INSTANCE, DATA, ENTRY_ASKED, ANSWER, KEY, MESSAGE, REQUEST = 0, 1, 2, 3, 4, 5, 6
+"""A request: the entry of a plugin's instance, or else (instance -1) the state of attached data."""
+SURFACE_BLOCK, SURFACE_WORDS, COUNT, SCRATCH, STATES, ENTRY = 0, 1, 2, 3, 4, 5
+BODY, BLOCK, WORDS, SLOT, RECORD, ROW = 0, 1, 2, 3, 4, 5
 
 MODEL_MEMBERS = (
     "body_rootid", "body_parentid", "body_dofnum", "body_dofadr", "dof_parentid",
-    "M_rownnz", "M_rowadr", "M_colind", "plugin_stateadr",
+    "M_rownnz", "M_rowadr", "M_colind", "plugin_stateadr", "body_invweight0",
 )  # fmt: skip
 (
     BODY_ROOTID, BODY_PARENTID, BODY_DOFNUM, BODY_DOFADR, DOF_PARENTID,
-    M_ROWNNZ, M_ROWADR, M_COLIND, PLUGIN_STATEADR,
+    M_ROWNNZ, M_ROWADR, M_COLIND, PLUGIN_STATEADR, BODY_INVWEIGHT0,
 ) = range(MEMBERS, MEMBERS + len(MODEL_MEMBERS))  # fmt: skip
 DATA_MEMBERS = (
-    "xipos", "xmat", "cvel", "cdof", "subtree_com", "qfrc_passive", "qvel", "M", "plugin_state",
-    "sensordata", "time",
+    "xpos", "xmat", "cvel", "cdof", "subtree_com", "qfrc_passive", "qvel", "M", "plugin_state", "time",
 )  # fmt: skip
-XIPOS, XMAT, CVEL, CDOF, SUBTREE_COM, QFRC_PASSIVE, QVEL, M, PLUGIN_STATE, SENSORDATA, TIME = range(
+XPOS, XMAT, CVEL, CDOF, SUBTREE_COM, QFRC_PASSIVE, QVEL, M, PLUGIN_STATE, TIME = range(
     MEMBERS + len(MODEL_MEMBERS), MEMBERS + len(MODEL_MEMBERS) + len(DATA_MEMBERS)
 )
 
 MOST_DOFS = 64
 """Degrees of freedom between a floating body and the world that know of its added mass."""
 
-PASSIVE = 4  # a capability of MuJoCo's plugins
 WARN_BADQACC = 5
 WARNED_BODY = 1_000_000  # added to the body's id, where MuJoCo's own warning has a dof
 
@@ -77,7 +81,8 @@ mj_factor_m = types.ExternalFunction("mj_factorM", types.void(types.int64, types
 LAST_DIAGONAL = 0  # of its first dof in M, after the added mass was added
 LAST_VELOCITY = 1  # of its last six dofs (6)
 ACCELERATION = 7  # of them over the last step (6)
-OWN = 13
+LOAD = 13  # force and torque on it at the last evaluation (6)
+OWN = 19
 
 
 @kernel
@@ -107,9 +112,9 @@ def _look_up(table: Any, key: int) -> Any:
 
 @kernel
 def _ask(table: Any, model: int, instance: int, request: int) -> Any:
-    """Ask Python for the entry of an instance; request holds what it says."""
+    """Ask Python for the entry of an instance, or (-1) for the state that the request names."""
     words = as_words(request)
-    words[INSTANCE], words[ANSWER], words[KEY], words[SIZE], words[MESSAGE] = instance, 0, 0, 0, 0
+    words[INSTANCE], words[ANSWER], words[KEY], words[MESSAGE] = instance, 0, 0, 0
     call_address(table[BUILDER], model, request, 0)
     if words[MESSAGE] != 0:
         mju_error(words[MESSAGE])  # does not return
@@ -117,15 +122,18 @@ def _ask(table: Any, model: int, instance: int, request: int) -> Any:
 
 
 @kernel
-def _pose(table: Any, model: int, data: int, body: int, state: Any) -> None:
-    """State (18) of a body about its centre of mass, world."""
-    centre, rotation = _doubles(table, data, XIPOS), _doubles(table, data, XMAT)
+def _pose(table: Any, model: int, data: int, body: int, record: Any, state: Any) -> None:
+    """State (18) of a body about its record's centre of mass, world."""
+    place, rotation = _doubles(table, data, XPOS), _doubles(table, data, XMAT)
     moving, origin = _doubles(table, data, CVEL), _doubles(table, data, SUBTREE_COM)
     tree = _ints(table, model, BODY_ROOTID)[body]
-    for i in range(3):
-        state[i] = centre[3 * body + i]
     for i in range(9):
         state[3 + i] = rotation[9 * body + i]
+    cx, cy, cz = record[CENTRE], record[CENTRE + 1], record[CENTRE + 2]
+    for i in range(3):
+        state[i] = place[3 * body + i] + (
+            state[3 + 3 * i] * cx + state[4 + 3 * i] * cy + state[5 + 3 * i] * cz
+        )
     wx, wy, wz = moving[6 * body], moving[6 * body + 1], moving[6 * body + 2]
     rx, ry, rz = (
         state[0] - origin[3 * tree],
@@ -266,7 +274,7 @@ def _step(table: Any, model: int, data: int, entry: Any, at: int, scratch: int) 
         block = numba.carray(as_doubles(entry[row + BLOCK]), 1 << 40)
         rings = int(block[afloat.RINGS_OF])
         parts = numba.carray(as_words(entry[row + WORDS]), 3 * rings).reshape((3, rings))
-        _pose(table, model, data, entry[row + BODY], pose)
+        _pose(table, model, data, entry[row + BODY], as_doubles(entry[row + RECORD]), pose)
         x += pose[0] / entry[COUNT]
         y += pose[1] / entry[COUNT]
         own = state[entry[row + SLOT] : entry[row + SLOT] + OWN]
@@ -278,47 +286,16 @@ def _step(table: Any, model: int, data: int, entry: Any, at: int, scratch: int) 
     state[afloat.TIME], state[afloat.PENDING] = now, 0.0
 
 
-def nstate(model: int, instance: int) -> int:
-    """Time, origin and amplitudes of the waves, and what every body notes and reads."""
-    table = as_words(_root())
-    request = stack_doubles(REQUEST)
-    _ask(table, model, instance, request)
-    return as_words(request)[SIZE]
-
-
-def nsensordata(model: int, instance: int, sensor: int) -> int:
-    """There are no sensors."""
-    return 0
-
-
-def init(model: int, data: int, instance: int) -> int:
-    """Called for every new MjData: prepare what it needs."""
-    _ask(as_words(_root()), model, instance, stack_doubles(REQUEST))
-    return 0
-
-
-def reset(model: int, state: int, stored: int, instance: int) -> None:
-    """Calm water that knows no time yet."""
-    table = as_words(_root())
-    request = stack_doubles(REQUEST)
-    _ask(table, model, instance, request)
-    room = as_doubles(state)
-    for i in range(as_words(request)[SIZE]):
-        room[i] = 0.0
-
-
-def advance(model: int, data: int, instance: int) -> None:
-    """A step was taken."""
-    table = as_words(_root())
+@kernel
+def _state(table: Any, model: int, data: int, instance: int) -> Any:
+    """Address of an instance's state."""
     at = 8 * _ints(table, model, PLUGIN_STATEADR)[instance]
-    state = as_doubles(as_words(data + table[PLUGIN_STATE])[0] + at)
-    state[afloat.PENDING] = 1.0
+    return as_words(data + table[PLUGIN_STATE])[0] + at
 
 
-def compute(model: int, data: int, instance: int, capability: int) -> None:
-    """Force of the water on every body of the instance, its added mass, and steps of the surface that are due."""
-    table = as_words(_root())
-    at = as_words(data + table[PLUGIN_STATE])[0] + 8 * _ints(table, model, PLUGIN_STATEADR)[instance]
+@kernel
+def _entry_of(table: Any, model: int, data: int, instance: int, at: int) -> Any:
+    """Address of the entry of an instance with this state."""
     header = as_doubles(at)
     address = _look_up(table, int(header[afloat.FRESH])) if header[afloat.FRESH] != 0.0 else 0
     if address == 0:
@@ -328,16 +305,77 @@ def compute(model: int, data: int, instance: int, capability: int) -> None:
             header[afloat.TIME] = as_doubles(data + table[TIME])[0]
             header[afloat.PENDING] = 0.0
         header[afloat.FRESH] = float(as_words(request)[KEY])
-    entry = as_words(address)
+    return address
+
+
+def advance(model: int, data: int, instance: int) -> None:
+    """A step was taken."""
+    state = as_doubles(_state(as_words(_root()), model, data, instance))
+    state[afloat.PENDING] = 1.0
+
+
+def act(model: int, data: int, instance: int) -> None:
+    """Force of the water on every body of an instance, its added mass, and steps of the surface that are due."""
+    table = as_words(_root())
+    at = _state(table, model, data, instance)
+    entry = as_words(_entry_of(table, model, data, instance, at))
     scratch = stack_doubles(entry[SCRATCH])
-    now = as_doubles(data + table[TIME])[0]
-    if header[afloat.PENDING] != 0.0:
+    if as_doubles(at)[afloat.PENDING] != 0.0:
         _step(table, model, data, entry, at, scratch)
-    _act(table, model, data, entry, at, now, scratch)
+    _act(table, model, data, entry, at, scratch)
+
+
+def act_attached(model: int, data: int, address: int) -> None:
+    """The same for bodies of an entry that were attached; a step is due when the time is one step later.
+
+    Time that jumps, as a reset does or a state that was set, is calm water again.
+    """
+    table = as_words(_root())
+    entry = as_words(address)
+    states = as_words(entry[STATES])
+    slots = states[SLOTS]
+    k = (data >> 4) & (slots - 1)
+    while states[PAIRS + 2 * k] != 0 and states[PAIRS + 2 * k] != data:
+        k = (k + 1) & (slots - 1)
+    at = states[PAIRS + 2 * k + 1]
+    if states[PAIRS + 2 * k] != data:
+        request = stack_doubles(REQUEST)
+        as_words(request)[DATA], as_words(request)[ENTRY_ASKED] = data, address
+        at = _ask(table, model, -1, request)
+    header = as_doubles(at)
+    now, step = as_doubles(data + table[TIME])[0], as_doubles(model + table[TIMESTEP])[0]
+    late = now - header[afloat.TIME]
+    scratch = stack_doubles(entry[SCRATCH])
+    if header[afloat.FRESH] == 0.0 or late < 0.0 or late > 1.5 * step:
+        surface = as_doubles(entry[SURFACE_BLOCK])
+        last = ENTRY + ROW * (entry[COUNT] - 1)
+        block = as_doubles(entry[last + BLOCK])
+        size = entry[last + SLOT] + OWN + int(block[afloat.PATTERNS]) + int(block[afloat.LIDS])
+        for i in range(max(size, afloat.STATE + 2 * int(surface[afloat.WAVES]))):
+            header[i] = 0.0
+        header[afloat.FRESH], header[afloat.TIME] = 1.0, now
+    elif late >= (1.0 - 1e-6) * step:
+        _step(table, model, data, entry, at, scratch)
+    _act(table, model, data, entry, at, scratch)
+
+
+def sense(model: int, data: int, out: int) -> None:
+    """Force and torque (6) that acted last on a body; a request of `_plugin_kernels` lies behind `out` (12)."""
+    table = as_words(_root())
+    request, wrench = as_words(out + 8 * 12), as_doubles(out)
+    body, instance = request[1], request[2]
+    at = _state(table, model, data, instance)
+    entry = as_words(_entry_of(table, model, data, instance, at))
+    for n in range(entry[COUNT]):
+        row = ENTRY + ROW * n
+        if entry[row + BODY] == body:
+            for i in range(6):
+                wrench[i] = as_doubles(at)[entry[row + SLOT] + LOAD + i]
+                wrench[6 + i] = 0.0
 
 
 @kernel
-def _act(table: Any, model: int, data: int, entry: Any, at: int, now: float, scratch: int) -> None:
+def _act(table: Any, model: int, data: int, entry: Any, at: int, scratch: int) -> None:
     """Forces and added masses of all bodies."""
     surface = numba.carray(as_doubles(entry[SURFACE_BLOCK]), 1 << 40)
     state = numba.carray(as_doubles(at), 1 << 40)
@@ -348,16 +386,20 @@ def _act(table: Any, model: int, data: int, entry: Any, at: int, now: float, scr
     load = numba.carray(as_doubles(scratch + 8 * 48), 6)
     water = numba.carray(as_doubles(scratch + 8 * 54), 4)
     columns = numba.carray(as_doubles(scratch + 8 * 58), 12 * MOST_DOFS)
-    room = numba.carray(as_doubles(scratch + 8 * (58 + 12 * MOST_DOFS)), 1 << 40)
+    spare = scratch + 8 * (58 + 12 * MOST_DOFS)
+    room = numba.carray(as_doubles(spare + 8 * RECORD_SCRATCH), 1 << 40)
+    now = as_doubles(data + table[TIME])[0]
     keep = now == state[afloat.TIME]
+    weights = _doubles(table, model, BODY_INVWEIGHT0)
     changed = False
     for n in range(entry[COUNT]):
         row = ENTRY + ROW * n
-        body, slot = entry[row + BODY], entry[row + SLOT]
+        body, slot, known = entry[row + BODY], entry[row + SLOT], as_doubles(entry[row + RECORD])
         block = numba.carray(as_doubles(entry[row + BLOCK]), 1 << 40)
         rings = int(block[afloat.RINGS_OF])
         parts = numba.carray(as_words(entry[row + WORDS]), 3 * rings).reshape((3, rings))
-        _pose(table, model, data, body, pose)
+        own = state[slot : slot + OWN]
+        _pose(table, model, data, body, known, pose)
         load[:] = 0.0
         afloat.body_force(
             surface, block, state, slot + OWN, pose, now, keep, parts, first, room, load
@@ -368,7 +410,12 @@ def _act(table: Any, model: int, data: int, entry: Any, at: int, now: float, scr
         through[2] -= water[0]
         for i in range(3):
             through[12 + i] -= water[1 + i]
-        call_address(table[WRENCH], entry[row + DRAG], scratch + 8 * 18, scratch + 8 * 36)
+        needed = wet_load(
+            table[WRENCH], entry[row + RECORD], scratch + 8 * 18, scratch + 8 * 36, spare,
+            as_doubles(model + table[TIMESTEP])[0], -as_doubles(model + table[GRAVITY])[2],
+            weights[2 * body], weights[2 * body + 1],
+        )  # fmt: skip
+        known[NEEDED_STEP] = min(known[NEEDED_STEP], needed)
         total = 0.0
         for i in range(6):
             load[i] += drag[i] + drag[6 + i]
@@ -376,9 +423,9 @@ def _act(table: Any, model: int, data: int, entry: Any, at: int, now: float, scr
         if not np.isfinite(total):
             mj_warning(data, WARN_BADQACC, WARNED_BODY + body)
             continue
+        own[LOAD : LOAD + 6] = load
         _push(table, model, data, body, pose, load)
         yaw = afloat.heading(block, pose)
-        own = state[slot : slot + OWN]
         changed |= _add_mass(table, model, data, body, block, yaw, pose, own, columns)
     if changed:
         mj_factor_m(model, data)

@@ -17,6 +17,10 @@ fields of `Water`, and
     geoms       all | collision | group 3 | names; the colliding ones of every body, or all, if not given
     bodies      tree (default) | this: not what moves below
     resolution, max_faces, interior, strict    see `mjskip.attach`
+    sea         waves and current about bodies that radiate, as "hs=0.3 tp=3": see `Sea.from_text`
+
+With the key radiation="true" the bodies that carry the instance radiate and scatter waves on one surface, which is the
+plugin's state in MjData.
 
 A sensor shows force (3) [N] and torque (3) [N m] of water and air, world frame, about the centre of mass, and wetted
 area [m^2], of every wet body of the instance in turn.
@@ -43,18 +47,20 @@ from mjskip.coupling import _plugin_kernels as kernels
 from mjskip.coupling import _record_kernels as loads
 from mjskip.coupling import _struct_layout as _layout
 from mjskip.coupling._struct_layout import library
-from mjskip.coupling.bodies import SOLIDS, body_name, geom_name, kind_name
+from mjskip.coupling.bodies import SOLIDS, body_name, geom_name, kind_name, pose_in
+from mjskip.coupling.sea import FloatingHull, SeaSurface, ask_plugin, compiled, surface_of
 from mjskip.coupling.records import doubts, make_record, too_large_step
 from mjskip.coupling.selection import GeomRule, WetBody, geom_rule, wet_body
 from mjskip.coupling.wet import BuiltHull, HullOptions, hull_of, inertia_of
 from mjskip.errors import MjskipError, MjskipWarning, SceneError
+from mjskip.hydro.seas import Sea
 from mjskip.hydro.water import Water
 from mjskip.hydro.wrench import immersion_address, pack, wrench_address
 
 NAME = "mjskip.water"
 WATER_KEYS = tuple(field.name for field in fields(Water))
 HULL_KEYS = tuple(field.name for field in fields(HullOptions))
-KEYS = (*WATER_KEYS, "preset", *HULL_KEYS, "geoms", "bodies")
+KEYS = (*WATER_KEYS, "preset", *HULL_KEYS, "geoms", "sea", "bodies")
 """In the order of MuJoCo's texts; compiled code looks at the last one."""
 SWITCHES = {f.name for f in (*fields(Water), *fields(HullOptions)) if f.type in (bool, "bool")}
 NUMBERS = {f.name for f in fields(Water) if f.type in (float, "float")}
@@ -150,6 +156,7 @@ def _describe() -> _Plugin:
         "init": native(i4(i8, i8, i4))(kernels.init),
         "reset": native(nothing(i8, i8, i8, i4))(kernels.reset),
         "compute": native(nothing(i8, i8, i4, i4))(kernels.compute),
+        "advance": native(nothing(i8, i8, i4))(kernels.advance),
     }
     plugin = _Plugin(
         name=NAME.encode(),
@@ -174,6 +181,7 @@ def _fill_root() -> None:
     root[kernels.TABLE] = _records.table.ctypes.data
     root[kernels.GRAVITY] = _layout.option_offset("gravity")
     root[kernels.TIMESTEP] = _layout.option_offset("timestep")
+    root[kernels.RADIATION_KEY] = KEYS.index("radiation")
     model, data = _layout.members("mjModel"), _layout.members("mjData")
     root[kernels.MEMBERS :] = [
         *(model[name].offset for name in kernels.MODEL_MEMBERS),
@@ -274,7 +282,9 @@ def _answer(model: int, address: int, _unused: int) -> None:
             _say_too_large_step(view, body, key)
             return
         told = _configured(view, instance)
-        if what == kernels.CONFIGURATION:
+        if what == kernels.SEA_SIZE:
+            request[kernels.ANSWER] = _sea_of(view, instance)[1].state_size
+        elif what == kernels.CONFIGURATION:
             _check_sensors(view, instance)
         elif what == kernels.DOUBTS:
             _say_doubts(view, instance, told)
@@ -308,6 +318,69 @@ def _find_record(view: Any, body: int, told: _Told, key: int, what: int) -> int:
     block = pack(built.hull, told.water, gravity=float(-view.gravity[2]))
     record = make_record(built.hull, told.water, inertia, block)
     return _records.add(key, _Kept(record=record, block=block, built=built))
+
+
+def _sea_of(view: Any, instance: int) -> tuple[int, SeaSurface]:
+    """The surface of an instance whose bodies radiate, and its hash."""
+    root, addresses = kernels.root, compiled()
+    root[kernels.SEA_ACT], root[kernels.SEA_ADVANCE] = addresses["act"], addresses["advance"]
+    root[kernels.SEA_SENSE] = addresses["sense"]
+    told = _configured(view, instance)
+    found = []
+    for body in range(1, int(view.nbody)):
+        if int(view.body_plugin[body]) != instance:
+            continue
+        wet = _wet(view, body, told)
+        inertia = inertia_of(view, body, wet.members)
+        built = hull_of(view, wet, told.options, inertia)
+        if built.hull is None:
+            raise SceneError(
+                f"plugin {NAME}: body {body_name(view, body)!r} has no geom for water to act on"
+            )
+        position, rotation = pose_in(view, body, 0)
+        found.append(
+            FloatingHull(
+                body=body,
+                name=body_name(view, body),
+                hull=built.hull,
+                inertia=inertia,
+                carried=_carried_mass(view, body),
+                rotation=rotation,
+                place=position + rotation @ inertia.centre,
+            )
+        )
+    if not found:
+        raise SceneError(f"plugin {NAME}: no body carries this instance, so nothing radiates")
+    timestep = float(
+        _layout._array(view._address + _layout.option_offset("timestep"), "mjtNum", (1,))[0]
+    )
+    return surface_of(found, told.water, told.sea, told.sea_text, timestep=timestep)
+
+
+ask_plugin[:] = [_sea_of]
+
+
+def plugin_surface(model: mujoco.MjModel, instance: int | None = None) -> SeaSurface:
+    """The surface on which bodies of a compiled model radiate; the first instance's by default.
+
+    Raises:
+        SceneError: no instance of the plugin has the key radiation="true".
+    """
+    slot = _slot()
+    view = _layout.ModelView(model._address)
+    for number in range(model.nplugin) if instance is None else (instance,):
+        if int(model.plugin[number]) == slot and _configured(view, number).water.radiation:
+            return _sea_of(view, number)[1]
+    raise SceneError(f'no instance of plugin {NAME} in this model has radiation="true"')
+
+
+def _carried_mass(view: Any, body: int) -> float:
+    """Mass of a body and of all below it [kg]: MuJoCo's own sum comes after the plugin is asked for its size."""
+    inside = {body}
+    for other in range(body + 1, int(view.nbody)):
+        if int(view.body_parentid[other]) in inside:
+            inside.add(other)
+    return float(sum(view.body_mass[b] for b in inside))
 
 
 def _wet(view: Any, body: int, told: _Told) -> WetBody:
@@ -398,6 +471,8 @@ class _Told:
     options: HullOptions
     geoms: str
     below: bool
+    sea: Sea
+    sea_text: str
 
 
 def _configured(view: _layout.ModelView, instance: int) -> _Told:
@@ -414,12 +489,19 @@ def _configured(view: _layout.ModelView, instance: int) -> _Told:
             if key in given and given[key] not in allowed:
                 raise ValueError(f"{key} is {given[key]!r}: use one of {', '.join(allowed)}")
         own = {k: _value(k, t) for k, t in given.items() if k in WATER_KEYS}
+        if "sea" in given and not own.get("radiation"):
+            raise ValueError(
+                f"sea is {given['sea']!r} and radiation is off: waves act on bodies that radiate; give "
+                'preset="floating" and radiation="true"'
+            )
         hull = {k: _value(k, t) for k, t in given.items() if k in HULL_KEYS}
         return _Told(
             water=Water.floating(**own) if "preset" in given else Water(**own),
             options=HullOptions(**hull),
             geoms=given.get("geoms", ""),
             below=given.get("bodies", "tree") == "tree",
+            sea=Sea.from_text(given.get("sea", ""), gravity=float(-view.gravity[2]) or 9.81),
+            sea_text=given.get("sea", ""),
         )
     except ValueError as error:
         raise ValueError(f"{who}: {error}") from error

@@ -1,18 +1,4 @@
-"""MuJoCo engine plugin `mjskip.sea`: bodies afloat that radiate, diffract and rock in a sea.
-
-    <extension>
-      <plugin plugin="mjskip.sea">
-        <instance name="sea"> <config key="sea" value="hs=0.3 tp=3"/> </instance>
-      </plugin>
-    </extension>
-    ...
-    <body name="boat"> <freejoint/> <plugin instance="sea"/> ... </body>
-
-All bodies that carry an instance share its surface and feel each other's waves. Keys are those of `Water` that
-concern drag (density, air_density, gate, law, skin_friction, viscosity), and
-
-    sea     waves and current: see `Sea.from_text`; calm deep water if not given
-"""
+"""Bodies that radiate inside MuJoCo: hulls and sea prepared for `_sea_kernels`, for `attach` and for the plugin."""
 
 from __future__ import annotations
 
@@ -20,8 +6,10 @@ import ctypes
 import hashlib
 import threading
 import warnings
-from collections import deque
-from dataclasses import dataclass, fields
+from collections import OrderedDict, deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Any
 
 import mujoco
@@ -31,175 +19,176 @@ from numba import types
 
 from mjskip._compile.jit import native
 from mjskip._compile.pointers import address_of_cfunc
+from mjskip._typing import Array
 from mjskip.coupling import _sea_kernels as kernels
-from mjskip.coupling import _struct_layout as _layout
-from mjskip.coupling._struct_layout import library
-from mjskip.coupling.bodies import body_name, body_stone
-from mjskip.coupling.plugin import _Plugin
-from mjskip.errors import MjskipError, MjskipWarning, SceneError
+from mjskip.coupling import _struct_layout as layout
+from mjskip.coupling.records import make_record
+from mjskip.coupling.wet import Inertia
+from mjskip.errors import MjskipWarning
 from mjskip.hydro import _afloat_kernels as afloat_kernels
-from mjskip.hydro.afloat import Afloat, RestPose, prepare, rest_pose, state_slots
+from mjskip.hydro.afloat import Afloat, RestPose, prepare, state_slots
+from mjskip.hydro.hull import Hull
+from mjskip.hydro.hydrostatics import SinksError, float_at_rest
 from mjskip.hydro.radiation import RadiationTable
 from mjskip.hydro.seas import Sea
-from mjskip.hydro.stone import Stone
 from mjskip.hydro.surface_modes import SurfaceModes
 from mjskip.hydro.water import Water
 from mjskip.hydro.wrench import pack, wrench_address
-from mjskip.rigid.attitude import matrices
-
-Array = npt.NDArray[np.float64]
-
-NAME = "mjskip.sea"
-WATER_KEYS = tuple(f.name for f in fields(Water) if f.name != "buoyancy")
-KEYS = (*WATER_KEYS, "sea")
-SWITCHES = {field.name for field in fields(Water) if field.type in (bool, "bool")}
-NUMBERS = {field.name for field in fields(Water) if field.type in (float, "float")}
-FLOATING = {"gate": "local", "skin_friction": True}
-"""Defaults for what floats, where `Water` has the paper's."""
 
 _lock = threading.RLock()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class FloatingHull:
+    """A body that radiates.
+
+    Attributes:
+        body: its id.
+        name: of it.
+        hull: about its centre of mass, axes of the body.
+        inertia: of it and of what is welded to it.
+        carried: mass of its whole tree [kg].
+        rotation: of the body as the model has it, to world (3, 3).
+        place: of its centre of mass as the model has it, world (3,) [m].
+    """
+
+    body: int
+    name: str
+    hull: Hull
+    inertia: Inertia
+    carried: float
+    rotation: Array
+    place: Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class SeaSurface:
-    """What an instance was prepared for.
+    """A surface with its bodies, prepared.
 
     Attributes:
         sea: waves and current.
         water: the fluid.
         modes: of the surface.
-        bodies: ids.
-        stones: what each is to the water.
+        bodies: that float in it.
         rests: how each floats.
         tables: each against the modes.
-        surface: packed, and `packed`, one for every body.
-        slots: places of the bodies' readings in the state, and its size.
-        entry: what compiled code knows.
-        drags: blocks for the force kernel.
+        entry: what compiled code knows; `kept` is what it points to.
+        state_size: numbers of the surface's state.
     """
 
     sea: Sea
     water: Water
     modes: SurfaceModes
-    bodies: list[int]
-    stones: list[Stone]
-    rests: list[RestPose]
-    tables: list[RadiationTable]
-    surface: Afloat
-    packed: list[Afloat]
-    slots: list[int]
+    bodies: tuple[FloatingHull, ...]
+    rests: tuple[RestPose, ...]
+    tables: tuple[RadiationTable, ...]
     entry: npt.NDArray[np.int64]
-    drags: list[Array]
+    state_size: int
+    kept: tuple[Any, ...] = field(repr=False)
+    states: dict[int, Array] = field(default_factory=dict, repr=False)
+
+    def amplitudes(self, state: Array) -> npt.NDArray[np.complex128]:
+        """Amplitudes of the modes in a state of this surface."""
+        start, size = afloat_kernels.STATE, self.modes.size
+        return np.asarray(
+            state[start : start + size] + 1j * state[start + size : start + 2 * size]
+        )
+
+    def elevation(self, state: Array, points: npt.ArrayLike) -> Array:
+        """Height of the surface at points (n, 2): the sea, and what the bodies made within their reach [m].
+
+        The bodies' waves fade towards twice the reach, beyond which the modes say nothing of them.
+        """
+        xy = np.atleast_2d(np.asarray(points, dtype=np.float64))[:, :2]
+        time = float(state[afloat_kernels.TIME])
+        origin = state[[afloat_kernels.ORIGIN_X, afloat_kernels.ORIGIN_Y]]
+        away = np.linalg.norm(xy - origin, axis=1) / self.modes.reach
+        near = away < FADED
+        heights = self.sea.elevation(xy, time)
+        fade = np.clip((FADED - away[near]) / (FADED - 1.0), 0.0, 1.0)
+        own = self.modes.elevation(self.amplitudes(state), xy[near] - origin)
+        heights[near] += fade * fade * (3.0 - 2.0 * fade) * own
+        return heights
 
 
-def register_sea() -> None:
-    """Tell MuJoCo of the plugin `mjskip.sea`, for the life of the process; again does nothing.
-
-    Raises:
-        MjskipError: this version of MuJoCo keeps its data elsewhere than it says.
-    """
-    with _lock:
-        if _slot() < 0:
-            _layout.check(name for name in kernels.DATA_MEMBERS if name != "time")
-            _fill_root()
-            plugin = _describe()
-            library.mjp_registerPlugin(ctypes.byref(plugin))
+FADED = 2.0
+"""Where waves of bodies have faded from the picture, in reaches."""
 
 
-def _slot() -> int:
-    slot = ctypes.c_int(-1)
-    library.mjp_getPlugin.restype = ctypes.c_void_p
-    found = library.mjp_getPlugin(NAME.encode(), ctypes.byref(slot))
-    return slot.value if found else -1
-
-
-def _describe() -> _Plugin:
-    i4, i8, nothing = types.int32, types.int64, types.void
-    functions = {
-        "nstate": native(i4(i8, i4))(kernels.nstate),
-        "nsensordata": native(i4(i8, i4, i4))(kernels.nsensordata),
-        "init": native(i4(i8, i8, i4))(kernels.init),
-        "reset": native(nothing(i8, i8, i8, i4))(kernels.reset),
-        "compute": native(nothing(i8, i8, i4, i4))(kernels.compute),
-        "advance": native(nothing(i8, i8, i4))(kernels.advance),
-    }
-    plugin = _Plugin(
-        name=NAME.encode(),
-        nattribute=len(KEYS),
-        attributes=(ctypes.c_char_p * len(KEYS))(*(key.encode() for key in KEYS)),
-        capabilityflags=kernels.PASSIVE,
-        needstage=int(mujoco.mjtStage.mjSTAGE_VEL),
-        **{name: address_of_cfunc(function) for name, function in functions.items()},
-    )
-    _keep_for_ever((plugin, functions))
-    return plugin
-
-
-def _fill_root() -> None:
+@cache
+def compiled() -> dict[str, int]:
+    """Addresses of the compiled functions (first use compiles), and the tables filled that they need."""
     builder = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 3)(_answer)
-    _keep_for_ever((builder, kernels.root, _answer))
+    i8 = types.int64
+    names = ("act", "advance", "sense", "act_attached")
+    functions = {name: native(types.void(i8, i8, i8))(getattr(kernels, name)) for name in names}
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object((builder, functions, kernels.root, _answer)))
+    layout.check(name for name in kernels.DATA_MEMBERS if name != "time")
     root = kernels.root
     root[kernels.WRENCH] = wrench_address()
     root[kernels.BUILDER] = ctypes.cast(builder, ctypes.c_void_p).value or 0
     root[kernels.TABLE] = _entries.table.ctypes.data
-    model, data = _layout.members("mjModel"), _layout.members("mjData")
+    root[kernels.GRAVITY] = layout.option_offset("gravity")
+    root[kernels.TIMESTEP] = layout.option_offset("timestep")
+    model, data = layout.members("mjModel"), layout.members("mjData")
     root[kernels.MEMBERS :] = [
         *(model[name].offset for name in kernels.MODEL_MEMBERS),
         *(data[name].offset for name in kernels.DATA_MEMBERS),
     ]
-
-
-def _keep_for_ever(objects: Any) -> None:
-    """MuJoCo keeps their addresses until the process ends, even if this module is loaded anew."""
-    ctypes.pythonapi.Py_IncRef(ctypes.py_object(objects))
+    return {name: address_of_cfunc(function) for name, function in functions.items()}
 
 
 class _Entries:
-    """Every surface that was prepared, by the hash of what it was made of; compiled code reads the table."""
+    """Surfaces by the hash of what they were made of. Compiled code reads the table; what it may still read is kept."""
+
+    KEPT = 64
 
     def __init__(self) -> None:
-        self.made: dict[int, SeaSurface] = {}
-        self._retired: list[Any] = []
-        self._set_slots(256)
+        self.made: OrderedDict[int, SeaSurface] = OrderedDict()
+        self._retired: deque[Any] = deque(maxlen=4 * self.KEPT)
+        self._publish()
 
     def add(self, key: int, made: SeaSurface) -> None:
-        """Remember a surface."""
-        if 2 * len(self.made) >= self.table[kernels.SLOTS]:
-            self._retired.append(self.table)
-            self._set_slots(2 * int(self.table[kernels.SLOTS]))
+        """Remember a surface; the oldest go."""
         self.made[key] = made
-        self._put(key, made)
+        while len(self.made) > self.KEPT:
+            self._retired.append(self.made.popitem(last=False))
+        self._publish()
 
-    def _set_slots(self, slots: int) -> None:
-        self.table = np.zeros(kernels.PAIRS + 2 * slots, dtype=np.int64)
-        self.table[kernels.SLOTS] = slots
+    def _publish(self) -> None:
+        slots = 4 * self.KEPT
+        fresh = np.zeros(kernels.PAIRS + 2 * slots, dtype=np.int64)
+        fresh[kernels.SLOTS] = slots
         for key, made in self.made.items():
-            self._put(key, made)
-        kernels.root[kernels.TABLE] = self.table.ctypes.data
-
-    def _put(self, key: int, made: SeaSurface) -> None:
-        mask = int(self.table[kernels.SLOTS]) - 1
-        k = key & mask
-        while self.table[kernels.PAIRS + 2 * k]:
-            k = (k + 1) & mask
-        self.table[kernels.PAIRS + 2 * k + 1] = made.entry.ctypes.data
-        self.table[kernels.PAIRS + 2 * k] = key
+            k = key & (slots - 1)
+            while fresh[kernels.PAIRS + 2 * k]:
+                k = (k + 1) & (slots - 1)
+            fresh[kernels.PAIRS + 2 * k : kernels.PAIRS + 2 * k + 2] = key, made.entry.ctypes.data
+        if hasattr(self, "table"):
+            self._retired.append(self.table)
+        self.table = fresh
+        kernels.root[kernels.TABLE] = fresh.ctypes.data
 
 
 _entries = _Entries()
+_attached: dict[int, SeaSurface] = {}
+"""Surfaces of attached models, by the address of their entry."""
 _messages: deque[Any] = deque(maxlen=100)
+ask_plugin: list[Any] = []
+"""The plugin's own way from a model and an instance to a surface: (key, surface)."""
 
 
 def _answer(model: int, address: int, _unused: int) -> None:
-    """Answer a request of compiled code."""
+    """Answer a request of compiled code; see `_sea_kernels`."""
     request = (ctypes.c_int64 * kernels.REQUEST).from_address(address)
     try:
-        view = _layout.ModelView(model)
         with _lock:
-            key, made = _surface_of(view, request[kernels.INSTANCE])
-        request[kernels.KEY] = key
-        request[kernels.SIZE] = made.slots[-1]
-        request[kernels.ANSWER] = made.entry.ctypes.data
+            if request[kernels.INSTANCE] >= 0:
+                key, made = ask_plugin[0](layout.ModelView(model), request[kernels.INSTANCE])
+                request[kernels.KEY], request[kernels.ANSWER] = key, made.entry.ctypes.data
+            else:
+                made = _attached[request[kernels.ENTRY_ASKED]]
+                request[kernels.ANSWER] = _new_state(made, request[kernels.DATA])
     except Exception as error:  # nothing may pass through the C code that called
         text = " ".join(str(error).split()) or type(error).__name__
         message = ctypes.create_string_buffer(text.replace("%", "%%").encode())
@@ -207,166 +196,145 @@ def _answer(model: int, address: int, _unused: int) -> None:
         request[kernels.MESSAGE] = ctypes.addressof(message)
 
 
-def sea_surface(model: mujoco.MjModel, instance: int | None = None) -> SeaSurface:
-    """What an instance of the plugin in a compiled model was prepared for; its first by default.
-
-    Raises:
-        SceneError: the model has none.
-    """
-    register_sea()
-    if instance is None:
-        mine = [i for i in range(model.nplugin) if model.plugin[i] == _slot()]
-        if not mine:
-            raise SceneError(f"this model has no instance of plugin {NAME}")
-        instance = mine[0]
-    return _surface_of(_layout.ModelView(model._address), instance)[1]
-
-
-def _surface_of(view: _layout.ModelView, instance: int) -> tuple[int, SeaSurface]:
-    """The surface of an instance, prepared now if need be, and its hash."""
-    told = view.plugin_instance(instance)
-    bodies = [b for b in range(1, int(view.nbody)) if view.body_plugin[b] == instance]
-    if not bodies:
-        raise SceneError(f"plugin {NAME}: no body carries this instance")
-    timestep = _option(view, "timestep")
-    key = _content(view, bodies, told.texts, timestep)
-    if key not in _entries.made:
-        water, sea = _configured(told, float(-view.gravity[2]))
-        _entries.add(key, _prepared(view, bodies, water, sea, timestep))
-    return key, _entries.made[key]
+def _new_state(made: SeaSurface, data: int) -> int:
+    """Room for the state of attached data, and a table that shows it."""
+    if data not in made.states:
+        made.states[data] = np.zeros(made.state_size)
+        slots = 64
+        while slots < 2 * len(made.states):
+            slots *= 2
+        table = np.zeros(kernels.PAIRS + 2 * slots, dtype=np.int64)
+        table[kernels.SLOTS] = slots
+        for owner, state in made.states.items():
+            k = (owner >> 4) & (slots - 1)
+            while table[kernels.PAIRS + 2 * k]:
+                k = (k + 1) & (slots - 1)
+            table[kernels.PAIRS + 2 * k : kernels.PAIRS + 2 * k + 2] = owner, state.ctypes.data
+        _tables.append(table)
+        made.entry[kernels.STATES] = table.ctypes.data
+    return int(made.states[data].ctypes.data)
 
 
-def _option(view: _layout.ModelView, name: str) -> float:
-    offset = _layout.members("mjModel")["opt"].offset + _layout.members("mjOption")[name].offset
-    return ctypes.c_double.from_address(view._address + offset).value
+_tables: deque[Any] = deque(maxlen=10000)
+"""Tables that a callback in another thread may still be reading."""
 
 
-def _content(view: Any, bodies: list[int], texts: list[str], timestep: float) -> int:
-    """Hash of all that a surface is made from: 52 bits, so that a double holds it."""
-    digest = hashlib.sha256(repr((texts[: len(KEYS)], timestep, bodies)).encode())
-    digest.update(view.gravity.tobytes())
-    for body in bodies:
-        for name in ("pos", "quat", "ipos", "iquat", "inertia", "mass"):
-            digest.update(getattr(view, f"body_{name}")[body].tobytes())
-        digest.update(np.float64(_carried_mass(view, body)).tobytes())
-        first = view.body_geomadr[body]
-        for geom in range(first, first + view.body_geomnum[body]):
-            for name in ("type", "size", "pos", "quat"):
-                digest.update(getattr(view, f"geom_{name}")[geom].tobytes())
-            mesh = view.geom_dataid[geom]
-            if mesh >= 0:
-                a, n = view.mesh_vertadr[mesh], view.mesh_vertnum[mesh]
-                digest.update(view.mesh_vert[a : a + n].tobytes())
-                a, n = view.mesh_faceadr[mesh], view.mesh_facenum[mesh]
-                digest.update(view.mesh_face[a : a + n].tobytes())
-    return int.from_bytes(digest.digest()[:8], "big") >> 12 | 1
+def attach_surface(
+    bodies: Sequence[FloatingHull], water: Water, sea: Sea, *, timestep: float
+) -> SeaSurface:
+    """A surface for attached bodies; `detach_surface` ends it."""
+    compiled()
+    made = prepared(bodies, water, sea, timestep=timestep)
+    empty = np.zeros(kernels.PAIRS + 2, dtype=np.int64)
+    empty[kernels.SLOTS] = 1
+    _tables.append(empty)
+    made.entry[kernels.STATES] = empty.ctypes.data
+    with _lock:
+        _attached[made.entry.ctypes.data] = made
+    return made
 
 
-def _carried_mass(view: Any, body: int) -> float:
-    """Mass of a body and of all below it [kg]: MuJoCo's own sum comes after the plugin is asked for its size."""
-    inside = {body}
-    for other in range(body + 1, int(view.nbody)):
-        if int(view.body_parentid[other]) in inside:
-            inside.add(other)
-    return float(sum(view.body_mass[b] for b in inside))
+def detach_surface(made: SeaSurface) -> None:
+    """Forget a surface of `attach_surface`."""
+    with _lock:
+        _attached.pop(made.entry.ctypes.data, None)
 
 
-def _configured(told: Any, gravity: float) -> tuple[Water, Sea]:
-    """Water and sea that an instance's keys say.
-
-    Raises:
-        ValueError: a value is not allowed; names the instance, the key and the value.
-    """
-    given = {key: text for key, text in zip(KEYS, told.texts, strict=False) if text}
-    who = f"plugin {NAME}" + (f", instance {told.name!r}" if told.name else "")
-    try:
-        own = {key: _value(key, text) for key, text in given.items() if key in WATER_KEYS}
-        return (
-            Water(**{**FLOATING, **own}),
-            Sea.from_text(given.get("sea", ""), gravity=gravity),
-        )
-    except ValueError as error:
-        raise ValueError(f"{who}: {error}") from error
-
-
-def _value(key: str, text: str) -> Any:
-    if key in SWITCHES:
-        if text not in ("true", "false"):
-            raise ValueError(f"{key} is {text!r}: give true or false")
-        return text == "true"
-    if key in NUMBERS:
-        try:
-            return float(text)
-        except ValueError:
-            raise ValueError(f"{key} is {text!r}: give a number") from None
-    return text
+def surface_of(
+    bodies: Sequence[FloatingHull], water: Water, sea: Sea, text: str, *, timestep: float
+) -> tuple[int, SeaSurface]:
+    """The surface of a plugin's instance, prepared now if need be, and its hash; `text` says the sea."""
+    digest = hashlib.sha256(repr((water, text, timestep, sea.gravity)).encode())
+    for one in bodies:
+        digest.update(repr((one.body, one.carried, one.inertia.mass)).encode())
+        for part in (one.inertia.centre, one.inertia.tensor, one.rotation, one.place):
+            digest.update(np.ascontiguousarray(part).tobytes())
+        digest.update(one.hull.vertices.tobytes() + one.hull.faces.tobytes())
+    key = int.from_bytes(digest.digest()[:8], "big") >> 12 | 1  # a double holds it
+    with _lock:
+        if key not in _entries.made:
+            compiled()
+            _entries.add(key, prepared(bodies, water, sea, timestep=timestep))
+        return key, _entries.made[key]
 
 
-def _prepared(view: Any, bodies: list[int], water: Water, sea: Sea, timestep: float) -> SeaSurface:
-    """Hulls, tables and the entry of bodies that float together."""
-    stones, rests, places = [], [], []
-    for body in bodies:
-        stone = body_stone(view, body)
-        turn = matrices(np.array(view.body_quat[body]))
-        place = np.array(view.body_pos[body]) + turn @ np.array(view.body_ipos[body])
-        found = rest_pose(
-            stone.triangles,
-            mass=_carried_mass(view, body),
-            density=water.density,
-            rotation=turn,
-        )
-        if found is None:
-            warnings.warn(
-                f"body {body_name(view, body)!r} weighs more than the water it displaces: its added mass is that of "
-                "where the model has it",
-                MjskipWarning,
-                stacklevel=2,
-            )
-            found = RestPose.of(turn, float(place[2]))
-        stones.append(stone)
-        rests.append(found)
-        places.append(place[:2])
+def prepared(
+    bodies: Sequence[FloatingHull], water: Water, sea: Sea, *, timestep: float
+) -> SeaSurface:
+    """Tables and entry of bodies that float together."""
+    rests = tuple(_rest_of(one, water) for one in bodies)
+    places = np.array([one.place[:2] for one in bodies])
     modes, surface, packed, tables = prepare(
-        [stone.triangles for stone in stones],
+        [one.hull.triangles for one in bodies],
         rests,
-        np.array(places),
+        places,
         sea,
         density=water.density,
         timestep=timestep,
     )
-    drags = [pack(stone, water, gravity=sea.gravity) for stone in stones]
+    dragged = replace(water, buoyancy=False, radiation=False)
+    blocks = [pack(one.hull, dragged, gravity=sea.gravity) for one in bodies]
+    records = [
+        make_record(one.hull, dragged, one.inertia, block)
+        for one, block in zip(bodies, blocks, strict=True)
+    ]
     slots = [afloat_kernels.STATE + 2 * modes.size]
-    for one, size in zip(packed, np.diff(state_slots(packed, modes.size)), strict=True):
+    for size in np.diff(state_slots(packed, modes.size)):
         slots.append(slots[-1] + kernels.OWN + int(size))
     room = max(afloat_kernels.scratch_size(surface.block, one.block) for one in packed)
     entry = np.zeros(kernels.ENTRY + kernels.ROW * len(bodies), dtype=np.int64)
     entry[kernels.SURFACE_BLOCK] = surface.block.ctypes.data
     entry[kernels.SURFACE_WORDS] = surface.words.ctypes.data
     entry[kernels.COUNT] = len(bodies)
-    entry[kernels.SCRATCH] = room + 2 * modes.size + 100 + 12 * kernels.MOST_DOFS
-    for n, body in enumerate(bodies):
+    entry[kernels.SCRATCH] = room + 2 * modes.size + 200 + 12 * kernels.MOST_DOFS
+    for n, one in enumerate(bodies):
         row = kernels.ENTRY + kernels.ROW * n
         entry[row : row + kernels.ROW] = (
-            body,
+            one.body,
             packed[n].block.ctypes.data,
             packed[n].words.ctypes.data,
             slots[n],
-            drags[n].ctypes.data,
+            records[n].ctypes.data,
         )
     return SeaSurface(
         sea=sea,
         water=water,
         modes=modes,
-        bodies=bodies,
-        stones=stones,
+        bodies=tuple(bodies),
         rests=rests,
-        tables=tables,
-        surface=surface,
-        packed=packed,
-        slots=slots,
+        tables=tuple(tables),
         entry=entry,
-        drags=drags,
+        state_size=slots[-1],
+        kept=(surface, packed, blocks, records),
     )
 
 
-__all__ = ["MjskipError", "SeaSurface", "register_sea", "sea_surface"]
+def _rest_of(one: FloatingHull, water: Water) -> RestPose:
+    """How a body floats; where the model has it if it sinks."""
+    try:
+        found = float_at_rest(
+            one.hull.triangles, mass=one.carried, density=water.density, rotation=one.rotation
+        )
+    except SinksError:
+        warnings.warn(
+            f"body {one.name!r} weighs {one.carried:.4g} kg, and the water it displaces when it is sunk "
+            f"{water.density * one.hull.volume:.4g} kg: it sinks, and has the added mass of where the model has it",
+            MjskipWarning,
+            stacklevel=2,
+        )
+        return RestPose.of(one.rotation, float(one.place[2]))
+    return RestPose.of(found.rotation, found.centre_of_mass)
+
+
+def plugin_state(
+    model: mujoco.MjModel, data: mujoco.MjData, instance: int
+) -> Array:
+    """State of an instance of the plugin (a view)."""
+    start = int(model.plugin_stateadr[instance])
+    return np.asarray(data.plugin_state[start : start + int(model.plugin_statenum[instance])])
+
+
+__all__ = [
+    "Afloat", "FloatingHull", "SeaSurface", "attach_surface", "compiled", "detach_surface", "plugin_state",
+    "surface_of",
+]  # fmt: skip

@@ -9,10 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 import scipy.special
-from scipy.spatial.transform import Rotation
 
 from mjskip.hydro import _afloat_kernels as kernels
-from mjskip.hydro.panels import WettedHull, below_water, refined, wetted_hull
+from mjskip.hydro.panels import WettedHull, refined, wetted_hull
 from mjskip.hydro.radiation import (
     HEADINGS,
     RadiationTable,
@@ -212,40 +211,3 @@ def prepare(
 DRIFT_ROOM = 1.25
 """Several bodies may drift this much farther from their middle than they are at first."""
 
-
-def rest_pose(triangles: Array, *, mass: float, density: float, rotation: Array) -> RestPose | None:
-    """How a surface (n, 3, 3) in body axes about its centre of mass floats; None if it sinks.
-
-    From an attitude (3, 3), body to world, Newton's method turns it until buoyancy passes through the centre of mass.
-    """
-    volume = mass / density
-    turn = rotation.copy()
-    if float(np.linalg.det(triangles).sum() / 6.0) <= volume:
-        return None
-    height = 0.0
-    for _ in range(60):
-        height = _afloat_height(triangles @ turn.T, volume)
-        hull = WettedHull(triangles=below_water(triangles @ turn.T + [0.0, 0.0, height]), height=height)
-        righting = hull.stiffness(density=1.0, gravity=1.0, mass=volume)[3:5, 3:5]
-        x, y, _ = hull.buoyancy_centre()
-        moment = volume * np.array([y, -x])
-        values, axes = np.linalg.eigh(righting)
-        least = 1e-3 * float(np.abs(values).max())
-        step = axes @ ((axes.T @ moment) / np.maximum(np.abs(values), least))
-        angle = float(np.linalg.norm(step))
-        if angle < 1e-10:
-            break
-        step *= min(1.0, 0.3 / angle)
-        turn = Rotation.from_rotvec([step[0], step[1], 0.0]).as_matrix() @ turn
-    return RestPose.of(turn, height)
-
-
-def _afloat_height(triangles: Array, volume: float) -> float:
-    """Height at which a turned surface displaces a volume."""
-    low, high = -float(triangles[..., 2].max()), -float(triangles[..., 2].min())
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        below = below_water(triangles + [0.0, 0.0, middle])
-        sunk = float(WettedHull(triangles=below, height=0.0).volume) if len(below) else 0.0
-        low, high = (middle, high) if sunk > volume else (low, middle)
-    return 0.5 * (low + high)

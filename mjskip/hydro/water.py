@@ -28,10 +28,12 @@ class Water:
             comes to rest.
         viscosity: kinematic, of the water [m^2/s]; only for skin friction.
         law: name of the force on an immersed face, a key of `mjskip.hydro.laws.LAWS`.
+        radiation: whether what floats makes and scatters waves: added mass, radiation damping and diffraction of
+            linear potential flow. It bears too. Inside MuJoCo only.
 
     Raises:
         ValueError: a density or the viscosity is negative or not finite, or the gate or the law is
-            unknown.
+            unknown, or what radiates does not bear.
     """
 
     density: float = 1000.0
@@ -41,6 +43,7 @@ class Water:
     buoyancy: bool = False
     skin_friction: bool = False
     viscosity: float = 1.0e-6
+    radiation: bool = False
 
     @classmethod
     def floating(cls, **changes: Any) -> Water:
@@ -63,6 +66,10 @@ class Water:
         if self.skin_friction and self.viscosity == 0.0:
             raise ValueError(
                 "viscosity is 0 and skin_friction is on: give a viscosity above 0 [m^2/s]"
+            )
+        if self.radiation and not self.buoyancy:
+            raise ValueError(
+                "radiation is on and buoyancy is off: what makes waves floats; use Water.floating(radiation=True)"
             )
         if self.gate not in GATES:
             raise ValueError(f"gate is {self.gate!r}: use one of {', '.join(GATES)}")
