@@ -11,8 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mjskip import Stone, Water, attach, wrench
-from mjskip.hydro.wrench import observe, pack, pack_states
+from mjskip.hydro.wrench import pack, wrench_and_immersion
 from mjskip.rigid.attitude import matrices
+from mjskip.rigid.state import pack_states
 
 FLOATING = Water(buoyancy=True, skin_friction=True, gate="local")
 STILL = Water(buoyancy=True)
@@ -186,5 +187,5 @@ def test_a_box_set_down_askew_comes_upright_without_yaw():
 def test_buoyancy_and_skin_friction_are_off_unless_asked_for():
     stone, states = Stone.pebble(), np.array([[0.0, 0, -0.001]])
     states = pack_states(states, np.eye(3)[None], np.zeros((1, 3)), np.zeros((1, 3)))
-    assert not observe(pack(stone, Water()), states)[0, :12].any()
-    assert observe(pack(stone, STILL), states)[0, 2] > 0.0
+    assert not wrench_and_immersion(pack(stone, Water()), states)[0, :12].any()
+    assert wrench_and_immersion(pack(stone, STILL), states)[0, 2] > 0.0

@@ -22,6 +22,7 @@ import numpy as np
 
 from mjskip._compile.jit import kernel
 from mjskip._compile.pointers import as_doubles, bits
+from mjskip.hydro.columns import WRENCH
 
 # header of a block
 N_TRIANGLES = 0
@@ -48,9 +49,6 @@ NORMAL = 9
 AREA = 12
 ROW = 13  # doubles for one triangle
 
-STATE = 18
-WRENCH = 12  # water force, water torque, air force, air torque
-
 PATCH_X = 0
 PATCH_Y = 1
 PATCH_RATE = 2
@@ -58,7 +56,6 @@ PATCH_NX = 3
 PATCH_NY = 4
 PATCH_HIGHEST = 5
 PATCH_POINTS = 6
-IMMERSION = 5  # area, its centroid, height of the lowest point
 
 
 @kernel
@@ -461,7 +458,7 @@ def body_immersion(block: Any, state: Any, out: Any) -> None:
 
 
 @kernel
-def observe(block: Any, states: Any, out: Any) -> None:
+def wrench_and_immersion(block: Any, states: Any, out: Any) -> None:
     """Wrench (12) and immersion (5) of every row of states (n, 18) into out (n, 17)."""
     for i in range(states.shape[0]):
         body_wrench(block, states[i], out[i, :WRENCH])

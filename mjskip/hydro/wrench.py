@@ -14,10 +14,12 @@ from numba import types
 from mjskip._compile.jit import native
 from mjskip._compile.pointers import F8P, address_of_cfunc
 from mjskip.hydro import _wrench_kernels as kernels
+from mjskip.hydro.columns import LOAD, load_columns
 from mjskip.hydro.laws import LAWS
 from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
 from mjskip.rigid.attitude import matrices
+from mjskip.rigid.state import pack_states
 
 Array = npt.NDArray[np.float64]
 
@@ -83,16 +85,9 @@ def wrench(
 
 def wrench_of(block: Array, states: Array) -> Wrench:
     """The same for a packed stone and the first of its packed states."""
-    row = observe(block, states[:1])[0]
-    return Wrench(
-        force=row[0:3],
-        torque=row[3:6],
-        air_force=row[6:9],
-        air_torque=row[9:12],
-        wetted_area=float(row[12]),
-        wetted_centre=row[13:16],
-        clearance=float(row[16]),
-    )
+    row = load_columns(wrench_and_immersion(block, states[:1])[0])._asdict()
+    row |= {"wetted_area": float(row["wetted_area"]), "clearance": float(row["clearance"])}
+    return Wrench(**row)
 
 
 def pack(stone: Stone, water: Water, *, gravity: float = 9.81) -> Array:
@@ -123,15 +118,10 @@ def pack(stone: Stone, water: Water, *, gravity: float = 9.81) -> Array:
     return block
 
 
-def pack_states(x: Array, rotation: Array, velocity: Array, omega: Array) -> Array:
-    """States (n, 18) for the kernels from (n, 3), (n, 3, 3), (n, 3) and (n, 3), world frame."""
-    return np.hstack([x, rotation.reshape(-1, 9), velocity, omega])
-
-
-def observe(block: Array, states: Array) -> Array:
-    """Wrench (12), wetted area, its centroid (3) and clearance of every state: (n, 17)."""
-    out = np.empty((len(states), kernels.WRENCH + 5))
-    kernels.observe(block, states, out)
+def wrench_and_immersion(block: Array, states: Array) -> Array:
+    """Rows (n, 17) of every state (n, 18); see `mjskip.hydro.columns`."""
+    out = np.empty((len(states), LOAD))
+    kernels.wrench_and_immersion(block, states, out)
     return out
 
 
@@ -141,7 +131,7 @@ def wrench_address() -> int:
 
 
 def immersion_address() -> int:
-    """The same for the five numbers that `observe` adds to the wrench."""
+    """The same for the five numbers that `wrench_and_immersion` adds to the wrench."""
     return entry_address(kernels._immersion_entry)
 
 

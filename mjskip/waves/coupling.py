@@ -275,24 +275,28 @@ class SurfaceCoupling:
         return self._solve(states, states, surface, timestep, nothing, kick=0.0)
 
     def kick(
-        self, y: Array, surface: Surface, timestep: float, *, masses: Array, inverse_inertias: Array,
+        self,
+        y: Array,
+        surface: Surface,
+        timestep: float,
+        *,
+        rows: Array,
         others: Array | None = None,
-    ) -> Loads:  # fmt: skip
+    ) -> Loads:
         """Loads and the kick of the bodies by them over a step, at the poses as they are.
 
         Args:
             y: x, q, P, L of the bodies (n, 13); P and L are altered.
             surface: under them.
             timestep: [s].
-            masses: (n,) [kg].
-            inverse_inertias: in body axes (n, 3, 3).
+            rows: of the bodies (n, BODY), from `mjskip.rigid.body.body_row`.
             others: force and torque of everything else (n, 6), which kick too; none if omitted.
         """
         n = len(y)
         others = np.zeros((n, 6)) if others is None else others
         states, means = np.empty((n, 18)), np.empty((n, 18))
         bodies = np.empty((n, kernels.MOBILITY))
-        kernels.prepare_kick(y, masses, inverse_inertias, others, timestep, states, means, bodies)
+        kernels.prepare_kick(y, rows, others, timestep, states, means, bodies)
         found = self._solve(states, means, surface, timestep, bodies, kick=0.5 * timestep)
         y[:, 7:13] += timestep * (found.wrenches + others)
         return found
