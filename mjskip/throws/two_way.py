@@ -12,13 +12,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mjskip._typing import Array
 from mjskip.errors import DivergedError
 from mjskip.hydro import _wrench_kernels as hydro
+from mjskip.hydro.columns import AIR_FORCE, WRENCH
 from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
-from mjskip.hydro.wrench import observe, pack
+from mjskip.hydro.wrench import pack, wrench_and_immersion
 from mjskip.rigid import _rigid_kernels as rigid
+from mjskip.rigid.body import body_row, momenta
 from mjskip.throws.throw import State
 from mjskip.waves._coupling_kernels import free_flight
 from mjskip.waves.coupling import LOAD_RADIUS, Loads, SurfaceCoupling, check_law
@@ -51,6 +52,7 @@ class TwoWayIntegrator:
         timestep: float = 2e-4,
         gravity: float = 9.81,
         radius: float = LOAD_RADIUS,
+        exact: bool = True,
     ) -> None:
         """Stones as they leave the hand.
 
@@ -63,6 +65,8 @@ class TwoWayIntegrator:
             timestep: [s].
             gravity: downwards, as the window's [m/s^2].
             radius: of the bumps that spread loads [m].
+            exact: whether the response is the window's own on its cells, with which energy closes to rounding, or
+                that of cells without end, which is found sooner.
 
         Raises:
             ValueError: a law that cannot be coupled, or a step too large for the window.
@@ -76,18 +80,27 @@ class TwoWayIntegrator:
         self.window, self.time, self._timestep = window, 0.0, timestep
         blocks = [pack(stone, water, gravity=gravity) for stone in stones]
         self.coupling = SurfaceCoupling(
-            blocks, spacing=window.spacing, impulse=window.impulse(), density=water.density,
-            damping=float(window.damping), radius=radius,
+            blocks, spacing=window.spacing, density=water.density, damping=window.damping, radius=radius,
+            impulse=window.impulse() if exact else None,
+            profile=None if exact else window.profile(radius),
         )  # fmt: skip
         self._others = [block.copy() for block in blocks]
         for block in self._others:  # what is left: air, buoyancy and skin friction
             block[[hydro.NORMAL_SQUARED, hydro.SPEED_NORMAL]] = 0.0
-        self._gravity = np.array([0.0, 0.0, -gravity])
+        self._gravity = gravity
         self._masses = np.array([stone.mass for stone in stones])
-        self._inverse = np.array([np.linalg.inv(stone.inertia) for stone in stones])
-        self._y = np.array(
-            [_momenta(stone, start) for stone, start in zip(stones, starts, strict=True)]
+        self._rows = np.array(
+            [body_row(s.mass, s.inertia, gravity=(0.0, 0.0, -gravity)) for s in stones]
         )
+        self._y = np.array(
+            [
+                momenta(
+                    stone.mass, stone.inertia, position=start.position, q=start.q,
+                    velocity=start.velocity, omega=start.omega,
+                )
+                for stone, start in zip(stones, starts, strict=True)
+            ]
+        )  # fmt: skip
         self.states = np.empty((len(stones), 18))
         self.loads: Loads | None = None
         self.dissipated = self.worked = self.left = 0.0
@@ -107,19 +120,14 @@ class TwoWayIntegrator:
         before = window.energy(dt)
         window.follow(*self.states[:, :2].mean(axis=0))
         self.left += before - window.energy(dt)
-        others = np.array(
-            [
-                row[0, :6] + row[0, 6:12]
-                for row in (
-                    observe(block, self.states[n : n + 1]) for n, block in enumerate(self._others)
-                )
-            ]
-        )
+        others = np.zeros((len(self._y), AIR_FORCE))
+        for n, block in enumerate(self._others):
+            wrench = wrench_and_immersion(block, self.states[n : n + 1])[0, :WRENCH]
+            others[n] = wrench[:AIR_FORCE] + wrench[AIR_FORCE:]
         old = self.states[:, 12:].copy()
         self.loads = self.coupling.kick(
-            self._y, window.surface(dt), dt, masses=self._masses, inverse_inertias=self._inverse,
-            others=others,
-        )  # fmt: skip
+            self._y, window.surface(dt), dt, rows=self._rows, others=others
+        )
         window.step(dt, self.loads.pressure)
         self._look()
         self.dissipated += dt * self.loads.dissipation
@@ -137,7 +145,7 @@ class TwoWayIntegrator:
     def stone_energy(self) -> float:
         """Kinetic and potential energy of the stones [J]."""
         kinetic = 0.5 * np.sum(self._y[:, 7:13] * self.states[:, 12:18])
-        return float(kinetic - self._gravity[2] * np.dot(self._masses, self.states[:, 2]))
+        return float(kinetic + self._gravity * np.dot(self._masses, self.states[:, 2]))
 
     @property
     def imbalance(self) -> float:
@@ -147,21 +155,9 @@ class TwoWayIntegrator:
 
     def _fly(self, duration: float) -> None:
         scratch = np.empty(18)
-        for n, row in enumerate(self._y):
-            free_flight(
-                row, self._masses[n], self._inverse[n], self._gravity, duration, TURN, scratch
-            )
+        for row, y in zip(self._rows, self._y, strict=True):
+            free_flight(row, y, duration, TURN, scratch)
 
     def _look(self) -> None:
-        for n, row in enumerate(self._y):
-            rigid.motion(row, self._masses[n], self._inverse[n], self.states[n])
-
-
-def _momenta(stone: Stone, start: State) -> Array:
-    """y (13,) = x, q, P, L."""
-    y = np.concatenate([start.position, start.q, stone.mass * start.velocity, np.zeros(3)])
-    state = np.empty(18)
-    rigid.motion(y, stone.mass, np.zeros((3, 3)), state)
-    turn = state[3:12].reshape(3, 3)
-    y[10:13] = turn @ (stone.inertia @ (turn.T @ start.omega))
-    return y
+        for row, y, state in zip(self._rows, self._y, self.states, strict=True):
+            rigid.motion(row, y, state)

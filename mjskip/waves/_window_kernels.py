@@ -26,6 +26,9 @@ from mjskip._compile.jit import kernel
 CELLS, SPACING, GRAVITY, DENSITY, DAMPING = 0, 1, 2, 3, 4
 STIFFNESS = 5  # sigma / rho [m^3/s^2]
 STENCIL = 6  # c^2 / (6 g d^2) of `waves` [1/m], 0: `deep`
+TAPER = 8
+"""Cells over which the water fades at the end of the square that moves away."""
+
 WATER = 7  # then growth of nu against the distance from an edge (n,), and the symbol of G (n, n // 2 + 1)
 
 # state
@@ -72,7 +75,11 @@ def nine_point(field: Any, scale: float, out: Any) -> None:
     """out = scale [1 4 1; 4 -20 4; 1 4 1] field, periodic."""
     n = field.shape[0]
     for i in range(n):
-        below, here, above = field[i - 1 if i > 0 else n - 1], field[i], field[i + 1 if i + 1 < n else 0]
+        below, here, above = (
+            field[i - 1 if i > 0 else n - 1],
+            field[i],
+            field[i + 1 if i + 1 < n else 0],
+        )
         line = out[i]
         for j in range(1, n - 1):
             line[j] = scale * (
@@ -172,32 +179,52 @@ def centred_rate(water: Any, state: Any, timestep: float, work: Any, out: Any) -
 
 
 @kernel
+def _kept(place: int, way: int, cells: int) -> float:
+    """What a shift leaves of a cell, by its new place along the way: all, but at the end that moves away.
+
+    In steady motion the water fades over TAPER cells there: w(place) = sin^2, the ratio of new w and old.
+    """
+    behind = place if way > 0 else cells - 1 - place
+    if way == 0 or behind >= TAPER:
+        return 1.0
+    before = min(behind + abs(way), TAPER)
+    quarter = 0.5 * math.pi / (TAPER + 1)
+    kept: float = (math.sin(quarter * (behind + 1)) / math.sin(quarter * (before + 1))) ** 2
+    return kept
+
+
+@kernel
 def shift(water: Any, state: Any, di: int, dj: int) -> None:
-    """Move the square by whole cells: still water comes in, what goes out is counted as left behind."""
+    """Move the square by whole cells: still water comes in, what goes out is counted as left behind.
+
+    The rate is moved with the rest; G phi of the square as it is now differs a little from it.
+    """
     n = int(water[CELLS])
     if di == 0 and dj == 0:
         return
     level, potential, rate = plane(state, n, 0), plane(state, n, 1), plane(state, n, 2)
     area = water[SPACING] * water[SPACING]
-    volume = energy = 0.0
+    volume, energy = 0.0, 0.0
     for i in range(n):
         for j in range(n):
-            if 0 <= i - di < n and 0 <= j - dj < n:
-                continue
             volume += level[i, j]
             energy += water[GRAVITY] * level[i, j] ** 2 + potential[i, j] * rate[i, j]
+    for a in range(n):
+        i = a if di >= 0 else n - 1 - a
+        along = _kept(i, di, n)
+        for b in range(n):
+            j = b if dj >= 0 else n - 1 - b
+            inside = 0 <= i + di < n and 0 <= j + dj < n
+            kept = along * _kept(j, dj, n) if inside else 0.0
+            level[i, j] = kept * level[i + di, j + dj] if inside else 0.0
+            potential[i, j] = kept * potential[i + di, j + dj] if inside else 0.0
+            rate[i, j] = kept * rate[i + di, j + dj] if inside else 0.0
+            volume -= level[i, j]
+            energy -= water[GRAVITY] * level[i, j] ** 2 + potential[i, j] * rate[i, j]
     state[LEFT_VOLUME] += area * volume
     state[LEFT_ENERGY] += 0.5 * water[DENSITY] * area * energy
     state[FIRST_I] += di
     state[FIRST_J] += dj
-    for a in range(n):
-        i = a if di >= 0 else n - 1 - a
-        for b in range(n):
-            j = b if dj >= 0 else n - 1 - b
-            inside = 0 <= i + di < n and 0 <= j + dj < n
-            level[i, j] = level[i + di, j + dj] if inside else 0.0
-            potential[i, j] = potential[i + di, j + dj] if inside else 0.0
-            rate[i, j] = rate[i + di, j + dj] if inside else 0.0
 
 
 @kernel

@@ -16,7 +16,14 @@ import numpy as np
 from mjskip._typing import Array
 from mjskip.checks import check_choice, check_count, check_number, check_positive
 from mjskip.waves import _window_kernels as kernels
-from mjskip.waves.coupling import Surface, deep_impulse, deep_operator, wave_impulse
+from mjskip.waves.coupling import (
+    Surface,
+    deep_impulse,
+    deep_operator,
+    deep_profile,
+    wave_impulse,
+    wave_profile,
+)
 
 Kind = Literal["waves", "deep"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
@@ -94,6 +101,9 @@ class Window:
     Attributes:
         water, state: for the kernels.
         spacing, cells: of the square.
+        level: elevation z[n] (cells, cells) [m], x first: a view of the state.
+        potential: phi[n-1/2] (cells, cells) [m^2/s], likewise.
+        rate: vertical speed between the last two levels (cells, cells) [m/s], likewise.
         max_timestep: largest step for which its energy is one [s].
         absorbed: energy that friction and layer took so far [J], if an account is kept.
     """
@@ -132,25 +142,11 @@ class Window:
         self.state[kernels.FIRST_I : kernels.FIRST_J + 1] = [
             round(place / spacing - 0.5 * (cells - 1)) for place in centre
         ]
+        self.level, self.potential, self.rate = self.state[kernels.STATE :].reshape(3, cells, cells)
         self._work = np.empty_like(self.state)
         self.absorbed = 0.0
         edge = self.water[kernels.WATER : kernels.WATER + cells]
         self._friction = damping + np.maximum(edge[:, None], edge) if account else None
-
-    @property
-    def level(self) -> Array:
-        """Elevation z[n] (cells, cells) [m], x first: a view."""
-        return self.state[kernels.STATE :].reshape(3, self.cells, self.cells)[0]
-
-    @property
-    def potential(self) -> Array:
-        """phi[n-1/2] (cells, cells) [m^2/s]: a view."""
-        return self.state[kernels.STATE :].reshape(3, self.cells, self.cells)[1]
-
-    @property
-    def rate(self) -> Array:
-        """Vertical speed between the last two levels (cells, cells) [m/s]: a view."""
-        return self.state[kernels.STATE :].reshape(3, self.cells, self.cells)[2]
 
     @property
     def origin(self) -> tuple[float, float]:
@@ -165,6 +161,13 @@ class Window:
                 wave_speed=self._wave_speed, gravity=self._gravity, spacing=self.spacing
             )
         return deep_impulse(self.cells, spacing=self.spacing, depth=self._depth)
+
+    def profile(self, radius: float) -> Array:
+        """The response of cells without end under bumps of a radius [m], for `SurfaceCoupling`."""
+        if self.kind == "waves":
+            return wave_profile(wave_speed=self._wave_speed, gravity=self._gravity, radius=radius)
+        extent = math.sqrt(2.0) * self.cells * self.spacing
+        return deep_profile(radius=radius, extent=extent, depth=self._depth)
 
     def surface(self, timestep: float) -> Surface:
         """The square as the coupling sees it, with the rate centred on the coming step [s]."""
