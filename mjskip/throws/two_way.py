@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mjskip.errors import DivergedError
-from mjskip.hydro import _wrench_kernels as hydro
+from mjskip.hydro import _block as hydro
 from mjskip.hydro.columns import AIR_FORCE, WRENCH
 from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
