@@ -48,7 +48,7 @@ from mjskip.coupling import _record_kernels as loads
 from mjskip.coupling import _struct_layout as _layout
 from mjskip.coupling._struct_layout import library
 from mjskip.coupling.bodies import SOLIDS, body_name, geom_name, kind_name, pose_in
-from mjskip.coupling.sea import FloatingHull, SeaSurface, ask_plugin, compiled, surface_of
+from mjskip.coupling.sea import FloatingHull, SeaSurface, ask_plugin, compiled, finer, surface_of
 from mjskip.coupling.records import doubts, make_record, too_large_step
 from mjskip.coupling.selection import GeomRule, WetBody, geom_rule, wet_body
 from mjskip.coupling.wet import BuiltHull, HullOptions, hull_of, inertia_of
@@ -326,13 +326,14 @@ def _sea_of(view: Any, instance: int) -> tuple[int, SeaSurface]:
     root[kernels.SEA_ACT], root[kernels.SEA_ADVANCE] = addresses["act"], addresses["advance"]
     root[kernels.SEA_SENSE] = addresses["sense"]
     told = _configured(view, instance)
+    options = finer(told.options)
     found = []
     for body in range(1, int(view.nbody)):
         if int(view.body_plugin[body]) != instance:
             continue
         wet = _wet(view, body, told)
         inertia = inertia_of(view, body, wet.members)
-        built = hull_of(view, wet, told.options, inertia)
+        built = hull_of(view, wet, options, inertia)
         if built.hull is None:
             raise SceneError(
                 f"plugin {NAME}: body {body_name(view, body)!r} has no geom for water to act on"

@@ -23,7 +23,7 @@ from mjskip._typing import Array
 from mjskip.coupling import _sea_kernels as kernels
 from mjskip.coupling import _struct_layout as layout
 from mjskip.coupling.records import make_record
-from mjskip.coupling.wet import Inertia
+from mjskip.coupling.wet import HullOptions, Inertia
 from mjskip.errors import MjskipWarning
 from mjskip.hydro import _afloat_kernels as afloat_kernels
 from mjskip.hydro.afloat import Afloat, RestPose, prepare, state_slots
@@ -36,6 +36,14 @@ from mjskip.hydro.water import Water
 from mjskip.hydro.wrench import pack, wrench_address
 
 _lock = threading.RLock()
+
+RESOLUTION = 24
+"""Segments around a round geom that radiates, at least: its waterplane changes with draft."""
+
+
+def finer(options: HullOptions) -> HullOptions:
+    """How geoms become hulls that radiate."""
+    return replace(options, resolution=max(options.resolution, RESOLUTION))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -65,4 +65,7 @@ LAWS: dict[str, ForceLaw] = {
         forward=True,
         source="rosellini2005 at the pressure centre of Rayleigh, Phil. Mag. (5) 2:430, 1876",
     ),
+    "none": ForceLaw(
+        source="no load beside hydrostatics, waves and friction: for what floats and radiates",
+    ),
 }

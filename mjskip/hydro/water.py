@@ -50,9 +50,13 @@ class Water:
         """Water for what floats: it bears, it rubs, and it never gives energy (gate "local").
 
         Args:
-            **changes: other fields, instead of the defaults.
+            **changes: other fields, instead of the defaults. With `radiation` the law is "none" unless another is
+                given: the pressure of moving water is that of potential flow then, and a law of impact counts
+                it twice.
         """
         preset: dict[str, Any] = {"buoyancy": True, "skin_friction": True, "gate": "local"}
+        if changes.get("radiation"):
+            preset["law"] = "none"
         return cls(**{**preset, **changes})
 
     def __post_init__(self) -> None:
