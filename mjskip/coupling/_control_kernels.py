@@ -10,7 +10,8 @@ be kept on disk:
     entry     bodies of the model, attached bodies; address of the model's downward gravity, time step and
               inverse weights; its signature; what happened: calls for models of the same signature that are
               not attached since the last one for this model, failed body (-1: none) and time, body whose step was too large (-1: none), time and the step that it needs (doubles' bits);
-              then for every attached body: id, address of its record (`_record_kernels`), of its offset
+              address of the entry of bodies that radiate (0: none) and of what acts on them (`_sea_kernels`);
+              then for every attached body: id, address of its record (`_record_kernels`; 0: it radiates), of its offset
     offset    doubles: from MuJoCo's centre of mass of the body to the record's (3), body axes
 
 The callback keeps no clock and no state: MuJoCo calls it at every sub-stage of RK4, from any thread. The
@@ -33,7 +34,8 @@ WRENCH, PREVIOUS, MAP, SIGNATURE_AT, IDENTITY = 0, 1, 2, 3, 4
 SLOTS, PAIRS = 0, 1
 NBODY, ATTACHED, GRAVITY, TIMESTEP, INVERSE_WEIGHTS, SIGNATURE = 0, 1, 2, 3, 4, 5
 COPY_CALLS, FAILED, FAILURE_TIME, LIMITED, LIMIT_TIME, NEEDED_STEP = 6, 7, 8, 9, 10, 11
-RECORDS = 12
+SEA, SEA_ACT = 12, 13
+RECORDS = 14
 ROW = 3
 
 empty_map = np.array([1, 0, 0], dtype=np.int64)
@@ -124,6 +126,8 @@ def control(model: int, data: int) -> None:
     for n in range(entry[ATTACHED]):
         row = RECORDS + ROW * n
         body, record, offset = entry[row], entry[row + 1], entry[row + 2]
+        if record == 0:
+            continue
         mj_local2Global(data, state, state + 8 * 3, record + 8 * CENTRE, table[IDENTITY], body, 0)
         mj_objectVelocity(model, data, OBJ_BODY, body, velocity, 0)
         for i in range(3):  # MuJoCo puts the angular velocity first
@@ -159,3 +163,5 @@ def control(model: int, data: int) -> None:
             applied[at + 4] += arm[2] * applied[at] - arm[0] * applied[at + 2]
             applied[at + 5] += arm[0] * applied[at + 1] - arm[1] * applied[at]
     mj_setState(model, data, xfrc, STATE_XFRC_APPLIED)
+    if entry[SEA] != 0:
+        call_address(entry[SEA_ACT], model, data, entry[SEA])

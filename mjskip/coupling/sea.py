@@ -26,7 +26,7 @@ from mjskip.coupling.records import make_record
 from mjskip.coupling.wet import HullOptions, Inertia
 from mjskip.errors import MjskipWarning
 from mjskip.hydro import _afloat_kernels as afloat_kernels
-from mjskip.hydro.afloat import Afloat, RestPose, prepare, state_slots
+from mjskip.hydro.afloat import RestPose, prepare, state_slots
 from mjskip.hydro.hull import Hull
 from mjskip.hydro.hydrostatics import SinksError, float_at_rest
 from mjskip.hydro.radiation import RadiationTable
@@ -101,6 +101,18 @@ class SeaSurface:
         return np.asarray(
             state[start : start + size] + 1j * state[start + size : start + 2 * size]
         )
+
+    def state_of(self, data: mujoco.MjData) -> Array:
+        """State of this surface in attached data; calm if it was not stepped yet."""
+        return self.states.get(data._address, np.zeros(self.state_size))
+
+    def load_on(self, body: int, state: Array) -> Array | None:
+        """Force and torque (6) on a body at the last evaluation, world; None if it does not radiate."""
+        for n, one in enumerate(self.bodies):
+            if one.body == body:
+                slot = int(self.entry[kernels.ENTRY + kernels.ROW * n + kernels.SLOT])
+                return np.array(state[slot + kernels.LOAD : slot + kernels.LOAD + 6])
+        return None
 
     def elevation(self, state: Array, points: npt.ArrayLike) -> Array:
         """Height of the surface at points (n, 2): the sea, and what the bodies made within their reach [m].
@@ -230,20 +242,24 @@ _tables: deque[Any] = deque(maxlen=10000)
 def attach_surface(
     bodies: Sequence[FloatingHull], water: Water, sea: Sea, *, timestep: float
 ) -> SeaSurface:
-    """A surface for attached bodies; `detach_surface` ends it."""
+    """A surface for attached bodies, between `enlist_surface` and `detach_surface`."""
     compiled()
-    made = prepared(bodies, water, sea, timestep=timestep)
-    empty = np.zeros(kernels.PAIRS + 2, dtype=np.int64)
-    empty[kernels.SLOTS] = 1
+    return prepared(bodies, water, sea, timestep=timestep)
+
+
+def enlist_surface(made: SeaSurface) -> None:
+    """Let compiled code ask for states of a surface, calm ones."""
+    made.states.clear()
+    empty = np.zeros(kernels.PAIRS + 4, dtype=np.int64)
+    empty[kernels.SLOTS] = 2
     _tables.append(empty)
     made.entry[kernels.STATES] = empty.ctypes.data
     with _lock:
         _attached[made.entry.ctypes.data] = made
-    return made
 
 
 def detach_surface(made: SeaSurface) -> None:
-    """Forget a surface of `attach_surface`."""
+    """No longer."""
     with _lock:
         _attached.pop(made.entry.ctypes.data, None)
 
@@ -340,9 +356,3 @@ def plugin_state(
     """State of an instance of the plugin (a view)."""
     start = int(model.plugin_stateadr[instance])
     return np.asarray(data.plugin_state[start : start + int(model.plugin_statenum[instance])])
-
-
-__all__ = [
-    "Afloat", "FloatingHull", "SeaSurface", "attach_surface", "compiled", "detach_surface", "plugin_state",
-    "surface_of",
-]  # fmt: skip
