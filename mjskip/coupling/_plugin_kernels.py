@@ -210,7 +210,7 @@ def _wets_below(table: Any, model: int, instance: int) -> bool:
 
 
 @kernel
-def _radiates(table: Any, model: int, instance: int) -> bool:
+def _radiates(table: Any, model: int, instance: int) -> Any:
     """Whether an instance lets its bodies make waves: its text of the key `radiation` is "true"."""
     at = as_words(model + table[PLUGIN_ATTR])[0] + _ints(table, model, PLUGIN_ATTRADR)[instance]
     for _ in range(table[RADIATION_KEY]):
@@ -455,11 +455,11 @@ def _sense(table: Any, model: int, data: int, instance: int, sensor: int, scratc
         if not _is_head(table, model, body, instance, below):
             continue
         record = _load(table, model, data, body, instance, scratch)
-        if record != 0 and _ints(table, model, BODY_PLUGIN)[body] == instance:
-            if _radiates(table, model, instance):
-                as_words(scratch + 8 * AT_REQUEST)[BODY] = body
-                as_words(scratch + 8 * AT_REQUEST)[INSTANCE] = instance
-                call_address(table[SEA_SENSE], model, data, scratch + 8 * AT_WRENCH)
+        carries = _ints(table, model, BODY_PLUGIN)[body] == instance
+        if record != 0 and carries and _radiates(table, model, instance):
+            as_words(scratch + 8 * AT_REQUEST)[BODY] = body
+            as_words(scratch + 8 * AT_REQUEST)[INSTANCE] = instance
+            call_address(table[SEA_SENSE], model, data, scratch + 8 * AT_WRENCH)
         for i in range(6):
             reading[at + i] = wrench[i] + wrench[6 + i] if record != 0 else 0.0
         if record != 0:
@@ -469,7 +469,7 @@ def _sense(table: Any, model: int, data: int, instance: int, sensor: int, scratc
         at += READING
 
 
-def nstate(model: int, instance: int) -> int:
+def nstate(model: int, instance: int) -> Any:
     """Numbers of an instance's state: none, unless its bodies radiate."""
     table = as_words(_root())
     if not _radiates(table, model, instance):

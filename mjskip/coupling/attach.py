@@ -131,11 +131,11 @@ class Coupling:
             if int(model.body_rootid[body]) == body
         ]
         if not floating:
-            raise SceneError("radiation is on and no wet body is the root of a tree: nothing makes waves")
+            raise SceneError(
+                "radiation is on and no wet body is the root of a tree: nothing makes waves"
+            )
         calm = Sea(gravity=float(-model.opt.gravity[2]))
-        return attach_surface(
-            floating, self.water, sea or calm, timestep=float(model.opt.timestep)
-        )
+        return attach_surface(floating, self.water, sea or calm, timestep=float(model.opt.timestep))
 
     def elevation(self, data: mujoco.MjData, points: npt.ArrayLike) -> Array:
         """Height of the surface at points (n, 2): the sea and the waves that bodies make, 0 if they do not [m]."""
@@ -501,7 +501,9 @@ def _check_sea(model: mujoco.MjModel, water: Water, sea: Any, native: bool) -> N
                 f"sea has a gravity of {sea.gravity:g} m/s^2 and the model one of {_gravity(model):g}: give them one"
             )
     if water.radiation and not native:
-        raise ValueError("native is False and the water's radiation is on: only compiled code radiates")
+        raise ValueError(
+            "native is False and the water's radiation is on: only compiled code radiates"
+        )
 
 
 def _gravity(model: mujoco.MjModel) -> float:

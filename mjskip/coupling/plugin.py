@@ -48,8 +48,8 @@ from mjskip.coupling import _record_kernels as loads
 from mjskip.coupling import _struct_layout as _layout
 from mjskip.coupling._struct_layout import library
 from mjskip.coupling.bodies import SOLIDS, body_name, geom_name, kind_name, pose_in
-from mjskip.coupling.sea import FloatingHull, SeaSurface, ask_plugin, compiled, finer, surface_of
 from mjskip.coupling.records import doubts, make_record, too_large_step
+from mjskip.coupling.sea import FloatingHull, SeaSurface, ask_plugin, compiled, finer, surface_of
 from mjskip.coupling.selection import GeomRule, WetBody, geom_rule, wet_body
 from mjskip.coupling.wet import BuiltHull, HullOptions, hull_of, inertia_of
 from mjskip.errors import MjskipError, MjskipWarning, SceneError

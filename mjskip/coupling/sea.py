@@ -98,9 +98,7 @@ class SeaSurface:
     def amplitudes(self, state: Array) -> npt.NDArray[np.complex128]:
         """Amplitudes of the modes in a state of this surface."""
         start, size = afloat_kernels.STATE, self.modes.size
-        return np.asarray(
-            state[start : start + size] + 1j * state[start + size : start + 2 * size]
-        )
+        return np.asarray(state[start : start + size] + 1j * state[start + size : start + 2 * size])
 
     def state_of(self, data: mujoco.MjData) -> Array:
         """State of this surface in attached data; calm if it was not stepped yet."""
@@ -165,6 +163,7 @@ class _Entries:
 
     def __init__(self) -> None:
         self.made: OrderedDict[int, SeaSurface] = OrderedDict()
+        self.table: npt.NDArray[np.int64] = np.zeros(0, dtype=np.int64)
         self._retired: deque[Any] = deque(maxlen=4 * self.KEPT)
         self._publish()
 
@@ -184,8 +183,7 @@ class _Entries:
             while fresh[kernels.PAIRS + 2 * k]:
                 k = (k + 1) & (slots - 1)
             fresh[kernels.PAIRS + 2 * k : kernels.PAIRS + 2 * k + 2] = key, made.entry.ctypes.data
-        if hasattr(self, "table"):
-            self._retired.append(self.table)
+        self._retired.append(self.table)
         self.table = fresh
         kernels.root[kernels.TABLE] = fresh.ctypes.data
 
@@ -350,9 +348,7 @@ def _rest_of(one: FloatingHull, water: Water) -> RestPose:
     return RestPose.of(found.rotation, found.centre_of_mass)
 
 
-def plugin_state(
-    model: mujoco.MjModel, data: mujoco.MjData, instance: int
-) -> Array:
+def plugin_state(model: mujoco.MjModel, data: mujoco.MjData, instance: int) -> Array:
     """State of an instance of the plugin (a view)."""
     start = int(model.plugin_stateadr[instance])
     return np.asarray(data.plugin_state[start : start + int(model.plugin_statenum[instance])])

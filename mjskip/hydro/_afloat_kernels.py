@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 
 from mjskip._compile.jit import kernel, picture_kernel
-from mjskip.hydro._radiation_kernels import add_columns, advance_waves, gather, read_rows, scatter
 from mjskip.hydro._clip_kernels import column
+from mjskip.hydro._radiation_kernels import add_columns, advance_waves, gather, read_rows, scatter
 
 # header of a surface
 WAVES, RINGS, GRAVITY, DEPTH, KNOWN, CURRENT_X, CURRENT_Y, TIMESTEP, BODIES, REACH = range(10)
@@ -70,7 +70,9 @@ def phases(
         s = h * h
         # sine and 1 - cosine of an eighth of the angle, doubled three times
         si = h * (1.0 + s * (-1.0 / 6.0 + s * (1.0 / 120.0 + s * (-1.0 / 5040.0 + s / 362880.0))))
-        vs = s * (0.5 + s * (-1.0 / 24.0 + s * (1.0 / 720.0 + s * (-1.0 / 40320.0 + s / 3628800.0))))
+        vs = s * (
+            0.5 + s * (-1.0 / 24.0 + s * (1.0 / 720.0 + s * (-1.0 / 40320.0 + s / 3628800.0)))
+        )
         for _ in range(3):
             si, vs = 2.0 * si * (1.0 - vs), 2.0 * si * si
         e = -0.0625 * k_imag[n] * ahead
@@ -123,7 +125,9 @@ def swings(surface: Any, x: float, y: float, time: float, real: Any, imag: Any) 
 
 
 @kernel
-def water_at(surface: Any, x: float, y: float, z: float, time: float, scratch: Any, out: Any) -> None:
+def water_at(
+    surface: Any, x: float, y: float, z: float, time: float, scratch: Any, out: Any
+) -> None:
     """Elevation and velocity (3) of the sea at a point, current included, into out (4)."""
     count = int(surface[KNOWN])
     at = int(surface[AT_KNOWN])
@@ -166,7 +170,10 @@ def known_readings(surface: Any, body: Any, real: Any, imag: Any, yaw: float, ou
         f, g = first + 2 * i * width, second + 2 * i * width
         for n in range(width):
             out[n] += (
-                p * body[f + n] - r * body[f + width + n] + q * body[g + n] - s * body[g + width + n]
+                p * body[f + n]
+                - r * body[f + width + n]
+                + q * body[g + n]
+                - s * body[g + width + n]
             )
 
 
@@ -179,7 +186,9 @@ def _wave_phases(rate: Any, place: float, cosine: Any, sine: Any) -> None:
         h = 0.125 * (angle - turns * TURN)
         s = h * h
         si = h * (1.0 + s * (-1.0 / 6.0 + s * (1.0 / 120.0 + s * (-1.0 / 5040.0 + s / 362880.0))))
-        vs = s * (0.5 + s * (-1.0 / 24.0 + s * (1.0 / 720.0 + s * (-1.0 / 40320.0 + s / 3628800.0))))
+        vs = s * (
+            0.5 + s * (-1.0 / 24.0 + s * (1.0 / 720.0 + s * (-1.0 / 40320.0 + s / 3628800.0)))
+        )
         for _ in range(3):
             si, vs = 2.0 * si * (1.0 - vs), 2.0 * si * si
         cosine[n], sine[n] = 1.0 - vs, si
@@ -269,7 +278,11 @@ def wetted_pressure(
     weight = body[DENSITY] * surface[GRAVITY]
     fx = fy = fz = tx = ty = tz = 0.0
     for f in range(faces):
-        i, j, k = int(body[first + 3 * f]), int(body[first + 3 * f + 1]), int(body[first + 3 * f + 2])
+        i, j, k = (
+            int(body[first + 3 * f]),
+            int(body[first + 3 * f + 1]),
+            int(body[first + 3 * f + 2]),
+        )
         ha, hb, hc = heights[i], heights[j], heights[k]
         if ha >= 0.0 and hb >= 0.0 and hc >= 0.0:
             continue
@@ -366,7 +379,10 @@ def _add_sea(
             for b in range(ny):
                 m = (a * ny + b) * LEVELS
                 row += wy[b] * (
-                    wz[0] * grid[m] + wz[1] * grid[m + 1] + wz[2] * grid[m + 2] + wz[3] * grid[m + 3]
+                    wz[0] * grid[m]
+                    + wz[1] * grid[m + 1]
+                    + wz[2] * grid[m + 2]
+                    + wz[3] * grid[m + 3]
                 )
             total += wx[a] * row
         heights[n] -= total

@@ -32,6 +32,9 @@ def plane_waves(
 ) -> PlaneWaves:
     """Of one (complex) wavenumber; points (3, n, 3) have equal weights, see `WettedHull.points`."""
     east, north = k * np.cos(directions), k * np.sin(directions)
+    value: Complex
+    slope: Complex
+    source: Complex
     value = slope = source = np.zeros((), complex)
     for place in points:
         z = place[:, 2:3]
@@ -50,4 +53,6 @@ def plane_waves(
         value = value + wave * profile / len(points)
         slope = slope + wave * (rise * normals[:, 2:3] + profile * along) / len(points)
         source = source + profile / wave / len(points)
-    return PlaneWaves(value, slope, -4.0 * math.pi * (source * areas[:, None]).T)
+    return PlaneWaves(
+        value, slope, np.asarray(-4.0 * math.pi * (source * areas[:, None]).T, complex)
+    )

@@ -120,15 +120,11 @@ def influence(
         for i in range(count):
             x, y, z = centres[i, 0], centres[i, 1], centres[i, 2]
             nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
-            p, gx, gy, gz = source_triangle(
-                x, y, z, triangles[j], normals[j], 1.0, 0.0, sizes[j]
-            )
+            p, gx, gy, gz = source_triangle(x, y, z, triangles[j], normals[j], 1.0, 0.0, sizes[j])
             direct = gx * nx + gy * ny + gz * nz
             if i == j:
                 direct = 0.0
-            q, hx, hy, hz = source_triangle(
-                x, y, z, triangles[j], normals[j], -1.0, 0.0, sizes[j]
-            )
+            q, hx, hy, hz = source_triangle(x, y, z, triangles[j], normals[j], -1.0, 0.0, sizes[j])
             # the image's flow at i is, mirrored, the panel's flow at the image of i
             mirrored = hx * nx + hy * ny + hz * nz
             if body[i] == body[j]:

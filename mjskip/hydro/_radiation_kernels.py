@@ -28,21 +28,6 @@ def _dot(a: Any, b: Any) -> float:
 
 
 @kernel
-def place_waves(
-    real: Any, imag: Any, k_real: Any, k_imag: Any, east: Any, north: Any, x: float, y: float,
-    sign: float, out_real: Any, out_imag: Any,
-) -> None:  # fmt: skip
-    """Multiply waves by exp(sign i k (x cos + y sin)): their values at another origin."""
-    for n in range(real.shape[0]):
-        ahead = sign * (x * east[n] + y * north[n])
-        grow = math.exp(-k_imag[n] * ahead)
-        cosine, sine = grow * math.cos(k_real[n] * ahead), grow * math.sin(k_real[n] * ahead)
-        a, b = real[n], imag[n]
-        out_real[n] = a * cosine - b * sine
-        out_imag[n] = a * sine + b * cosine
-
-
-@kernel
 def gather(
     real: Any, imag: Any, first: Any, orders: Any, starts: Any, turn_at: Any, turns: Any, yaw: float,
     harmonics: Any,

@@ -162,7 +162,10 @@ def _mesh(triangles: Array, shortest: float) -> tuple[Array, npt.NDArray[np.int6
     fine = refined(triangles, size)
     extent = float(np.ptp(fine.reshape(-1, 3), axis=0).max())
     _, first, index = np.unique(
-        np.round(fine.reshape(-1, 3) / (1e-9 * extent)), axis=0, return_index=True, return_inverse=True
+        np.round(fine.reshape(-1, 3) / (1e-9 * extent)),
+        axis=0,
+        return_index=True,
+        return_inverse=True,
     )
     return fine.reshape(-1, 3)[first], index.reshape(-1, 3)
 
@@ -202,7 +205,8 @@ def prepare(
     modes = body_modes(tuple(hulls), reach=reach, depth=sea.depth, gravity=sea.gravity)
     tables = [radiation_table(hull, modes, density=density) for hull in hulls]
     bodies = [
-        pack_body(table, t, rest, sea) for table, t, rest in zip(tables, surfaces, rests, strict=True)
+        pack_body(table, t, rest, sea)
+        for table, t, rest in zip(tables, surfaces, rests, strict=True)
     ]
     surface = pack_surface(modes, sea, bodies=len(bodies), timestep=timestep)
     return modes, surface, bodies, tables
@@ -210,4 +214,3 @@ def prepare(
 
 DRIFT_ROOM = 1.25
 """Several bodies may drift this much farther from their middle than they are at first."""
-

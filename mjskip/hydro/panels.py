@@ -223,7 +223,7 @@ def _coarser(triangles: Array, cell: float, most: int) -> Array:
         _, group = np.unique(keys, axis=0, return_inverse=True)
         group = group.ravel()
         # one vote for each distinct corner, or a fan's hub would draw its cell to itself
-        corners, first = np.unique(np.round(points / least), axis=0, return_index=True)
+        _, first = np.unique(np.round(points / least), axis=0, return_index=True)
         votes = np.bincount(group[first], minlength=group.max() + 1)
         sums = [np.bincount(group[first], points[first, k], group.max() + 1) for k in range(3)]
         merged = (np.stack(sums, axis=1) / votes[:, None])[group].reshape(-1, 3, 3)

@@ -17,7 +17,6 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from mjskip.hydro import _radiation_kernels as kernels
 from mjskip.hydro._coupling_tables import PlaneWaves, plane_waves
 from mjskip.hydro.panels import Influence, WettedHull, hull_influence
 from mjskip.hydro.response import hull_width, lid_rate
@@ -141,7 +140,7 @@ def radiation_table(
         ],
         hull.areas,
     )
-    lids = _patterns([x for x in insides], [1.0] * len(insides), np.abs(lid_areas))
+    lids = _patterns(insides, [1.0] * len(insides), np.abs(lid_areas))
     project = np.linalg.pinv(patterns)
     rows, columns = [], []
     moved = inverse @ influence.motions
@@ -278,89 +277,6 @@ def table_coefficients(table: RadiationTable, omega: npt.ArrayLike) -> tuple[Arr
         added.append(table.added_mass + (force / (1j * w)).real)
         damping.append(-force.real)
     return np.array(added), np.array(damping)
-
-
-class Surface:
-    """The free surface with its floating bodies, stepped in time.
-
-    Attributes:
-        tables: one for every body.
-        modes: of the surface.
-        real: amplitudes of the plane waves (size,), and `imag`.
-    """
-
-    def __init__(self, tables: list[RadiationTable]) -> None:
-        self.tables = tables
-        self.modes = modes = tables[0].modes
-        k = modes.wavenumbers[modes.ring]
-        self._k = np.ascontiguousarray(k.real), np.ascontiguousarray(k.imag)
-        self._toward = np.cos(modes.direction), np.sin(modes.direction)
-        self.real, self.imag = np.zeros(modes.size), np.zeros(modes.size)
-        self._placed = np.zeros((2, modes.size))
-        self._added = np.zeros((2, modes.size))
-        self._harmonics = [np.zeros(table.starts[-1]) for table in tables]
-        self._readings = [np.zeros(len(table.rows)) for table in tables]
-
-    @property
-    def amplitudes(self) -> Complex:
-        """Of the plane waves (size,)."""
-        return np.asarray(self.real + 1j * self.imag)
-
-    def force(self, body: int, x: float, y: float, yaw: float) -> Array:
-        """Force and torque of the waves on a body, in its hydrodynamic frame (6,) [N, N m].
-
-        Without the added mass; about the centre of mass.
-        """
-        table, readings = self.tables[body], self._readings[body]
-        kernels.place_waves(
-            self.real, self.imag, *self._k, *self._toward, x, y, 1.0, *self._placed
-        )
-        kernels.gather(
-            *self._placed,
-            self.modes.first,
-            table.orders,
-            table.starts,
-            *table.turns,
-            yaw,
-            self._harmonics[body],
-        )
-        kernels.read_rows(table.rows, self._harmonics[body], readings)
-        lid = table.lid_force.shape[1]
-        return np.asarray(readings[:6] + table.lid_force @ readings[len(readings) - lid :])
-
-    def push(
-        self, body: int, x: float, y: float, yaw: float, velocity: Array, flow: Array | None = None
-    ) -> None:
-        """Let a body act on the surface over the coming step: its velocity (6,), and the flow of known waves.
-
-        After `force`, whose readings say what the hull throws back.
-        """
-        table, amounts = self.tables[body], self._readings[body].copy()
-        amounts[:6] = velocity
-        if flow is not None:
-            amounts[6 : 6 + len(flow)] += flow
-        kernels.add_columns(table.columns, amounts, self._harmonics[body])
-        kernels.scatter(
-            self._harmonics[body],
-            self.modes.first,
-            table.orders,
-            table.starts,
-            *table.turns,
-            yaw,
-            *self._placed,
-        )
-        kernels.place_waves(
-            *self._placed, *self._k, *self._toward, x, y, -1.0, *self._placed
-        )
-        self._added += self._placed
-
-    def advance(self, step: float) -> None:
-        """One time step [s] with what the bodies pushed."""
-        turn = np.exp(-1j * self.modes.frequencies * step)[self.modes.ring]
-        kernels.advance_waves(
-            self.real, self.imag, *self._added, turn.real.copy(), turn.imag.copy(), step
-        )
-        self._added[:] = 0.0
 
 
 HEADINGS = 96

@@ -16,7 +16,6 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -71,9 +70,7 @@ def lid_rate(hull: WettedHull, *, gravity: float) -> float:
     return LID_RATE * math.sqrt(gravity / math.sqrt(max(area, 1e-12) / math.pi))
 
 
-def response_modes(
-    influence: Influence, *, highest: float, gravity: float
-) -> SurfaceModes:
+def response_modes(influence: Influence, *, highest: float, gravity: float) -> SurfaceModes:
     """Modes that resolve waves of up to the angular frequency `highest` [rad/s] at these hulls."""
     reach = max(float(np.linalg.norm(h.triangles[..., :2], axis=-1).max()) for h in influence.hulls)
     width = min(hull_width(hull) for hull in influence.hulls)
@@ -151,19 +148,25 @@ def potentials(
             sources = np.zeros((n + m, radiated.shape[2] + len(headings)), complex)
             sources[:n, : radiated.shape[2]] = influence.motions
             sources[:n, radiated.shape[2] :] = 1j * gravity / w * wave.slope
-            strengths = np.linalg.solve(system, sources)
+            strengths: Complex = np.linalg.solve(system, sources)
             found = influence.potential @ strengths[:n] + shares[i, n + m :] @ strengths
             radiated[start + i] = found[:, : radiated.shape[2]]
             scattered[start + i] = found[:, radiated.shape[2] :]
             incident[start + i] = -1j * gravity / w * wave.value
             outward[start + i] = _far_waves(
-                influence, lid, strengths[:, : radiated.shape[2]], w, k, gravity, modes.reach
+                influence, lid, strengths[:, : radiated.shape[2]], float(w), k, gravity, modes.reach
             )
     return radiated, scattered, incident, outward
 
 
 def _far_waves(
-    influence: Influence, lid: _Lid, strengths: Complex, w: float, k: float, gravity: float, reach: float
+    influence: Influence,
+    lid: _Lid,
+    strengths: Complex,
+    w: float,
+    k: float,
+    gravity: float,
+    reach: float,
 ) -> Array:
     """Power of the waves at infinity by unit motions, as damping over density (dofs, dofs) [m^3/s ...].
 
@@ -341,7 +344,7 @@ def _diagonal(blocks: Sequence[Array]) -> Array:
 def response_amplitudes(data: xarray.Dataset) -> xarray.DataArray:
     """Response amplitude operator (omega, wave_direction, radiating_dof), complex [m/m, rad/m].
 
-        [ -omega^2 (M + A) - i omega B + C ] X = F
+    [ -omega^2 (M + A) - i omega B + C ] X = F
     """
     w = data.omega.values[:, None, None]
     added = data.added_mass.transpose("omega", "influenced_dof", "radiating_dof").values

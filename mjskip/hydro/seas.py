@@ -45,9 +45,7 @@ TEXT_KEYS = {
 """What `Sea.from_text` understands."""
 
 
-def spectrum(
-    omega: npt.ArrayLike, *, hs: float, tp: float, gamma: float = GAMMA
-) -> Array:
+def spectrum(omega: npt.ArrayLike, *, hs: float, tp: float, gamma: float = GAMMA) -> Array:
     """One-sided JONSWAP spectrum of elevation at angular frequencies [m^2 s].
 
         S = A(gamma) 5/16 hs^2 wp^4 w^-5 exp(-5/4 (w/wp)^-4) gamma^exp(-(w - wp)^2 / (2 sigma^2 wp^2))
@@ -300,9 +298,7 @@ class Sea:
             axis=1,
         )
 
-    def pressure(
-        self, points: npt.ArrayLike, time: float, *, density: float = 1000.0
-    ) -> Array:
+    def pressure(self, points: npt.ArrayLike, time: float, *, density: float = 1000.0) -> Array:
         """Dynamic pressure of the waves at points (m, 3) [m] at a time [s]: (m,) [Pa]."""
         place = _points(points, 3)
         cosh, _ = self._decay(place[:, 2])

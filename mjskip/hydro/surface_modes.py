@@ -75,7 +75,7 @@ class SurfaceModes:
     @cached_property
     def frequencies(self) -> Complex:
         """omega of the rings (rings,), complex [rad/s]."""
-        return frequency(self.wavenumbers, depth=self.depth, gravity=self.gravity)
+        return np.asarray(frequency(self.wavenumbers, depth=self.depth, gravity=self.gravity))
 
     def elevation(self, amplitudes: Complex, points: npt.ArrayLike) -> Array:
         """Elevation at points (n, 2) within the reach [m]."""
@@ -135,7 +135,7 @@ def surface_modes(
     angles = 2 * np.ceil(np.abs(k) * reach).astype(np.int64) + SPARE_ANGLES
     dk = 2.0 * cutoff * root * (1.0 - 1j * de) * parts
     return SurfaceModes(
-        wavenumbers=k,
+        wavenumbers=np.asarray(k, dtype=np.complex128),
         weights=k * dk / (2.0 * math.pi * angles),
         angles=angles,
         depth=depth,
