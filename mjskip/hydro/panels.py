@@ -13,7 +13,7 @@ from mjskip.hydro._panel_kernels import influence
 
 Array = npt.NDArray[np.float64]
 
-PANELS = 240
+PANELS = 160
 """Panels that a hull is refined to, at least."""
 MOST_PANELS = 1200
 """A finer hull is first made coarser."""

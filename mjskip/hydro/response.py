@@ -148,7 +148,7 @@ def potentials(
             sources = np.zeros((n + m, radiated.shape[2] + len(headings)), complex)
             sources[:n, : radiated.shape[2]] = influence.motions
             sources[:n, radiated.shape[2] :] = 1j * gravity / w * wave.slope
-            strengths: Complex = np.linalg.solve(system, sources)
+            strengths = np.asarray(np.linalg.solve(system, sources), dtype=np.complex128)
             found = influence.potential @ strengths[:n] + shares[i, n + m :] @ strengths
             radiated[start + i] = found[:, : radiated.shape[2]]
             scattered[start + i] = found[:, radiated.shape[2] :]
