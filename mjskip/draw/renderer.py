@@ -1,0 +1,372 @@
+"""`Renderer`: pictures of any MuJoCo model, with water in them."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+from mjskip.draw import tiles
+from mjskip.draw.appearance import WaterAppearance
+from mjskip.draw.gl import offscreen
+from mjskip.draw.passes import (
+    MOST_BODIES,
+    VIEW_ROWS,
+    WaterPasses,
+    has_shaders,
+    own_state,
+)
+from mjskip.draw.surface import BLOCK, BORDER, Patch, faded, patch_of, tallest
+from mjskip.draw.surroundings import Surroundings
+from mjskip.errors import RenderError
+
+Array = npt.NDArray[np.float64]
+
+WATER_ID = -2
+"""Both numbers of a pixel of water in a segmentation: background has -1, and everything else its id."""
+
+_SUN = (-0.579, -0.644, -0.5)  # the way its light goes where the model has no directional light
+_SURELY_ABOVE = 0.3  # [m]: a camera so high is above the water
+_MARGIN = 3.0  # [m] of the bottom beyond the water that is of interest
+_FARTHEST = 20.0  # [m]: half the side of the map of the bottom at most
+
+
+class Renderer(mujoco.Renderer):  # type: ignore[misc]
+    """`mujoco.Renderer` with water: the same constructor and methods, any model, any camera.
+
+        with mjskip.Renderer(model, 480, 640, water=field) as renderer:
+            renderer.update_scene(data, "side")
+            picture = renderer.render()
+
+    Water is drawn wherever nothing of the model is above its surface: to the horizon, still outside
+    its field. What is seen through it and in it is the model's own: bodies that move as the camera sees
+    them (their far side by ellipsoids of their size), and what stands still from pictures taken at the
+    first `update_scene`, so move nothing of the world body afterwards. Light loses exp(-absorption length)
+    on its way through the water to the eye.
+
+    Depth is that of the nearest of water and geoms. In a segmentation water is (`WATER_ID`, `WATER_ID`).
+
+    Attributes:
+        water: what is drawn: may be set at any time.
+        appearance: clear or turbid, smooth or ruffled: may be set at any time.
+        linear: True leaves colours as they come out of the laws of optics: no tone curve, no glints of
+            the sun, no darkening of wet edges.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        height: int = 240,
+        width: int = 320,
+        max_geom: int = 10000,
+        font_scale: mujoco.mjtFontScale = mujoco.mjtFontScale.mjFONTSCALE_150,
+        *,
+        water: Any = None,
+        spacing: float | None = None,
+        centre: tuple[float, float] = (0.0, 0.0),
+        appearance: WaterAppearance | None = None,
+        linear: bool = False,
+    ) -> None:
+        """Make a GL context; through EGL, which needs no display, unless MUJOCO_GL says otherwise.
+
+        Args:
+            model: compiled.
+            height: of pictures [pixels].
+            width: of pictures [pixels].
+            max_geom: as `mujoco.Renderer`'s.
+            font_scale: as `mujoco.Renderer`'s.
+            water: a coupling of bodies and water, a `HeightField`, a `Lake`, a recording of a surface, an
+                array (nx, ny) of heights [m], or None for still water at z = 0.
+            spacing: side of a cell of an array [m].
+            centre: of an array (x, y) [m].
+            appearance: of the water.
+            linear: whether colours are left as the laws of optics give them.
+
+        Raises:
+            ValueError: the picture is larger than the model's offscreen buffer, or the water is none.
+            RenderError: no context can be made here, or it does not know GLSL 3.30.
+        """
+        self.appearance = appearance or WaterAppearance()
+        self.linear = linear
+        self._array = {"spacing": spacing, "centre": centre}
+        self.water = water
+        self._passes: WaterPasses | None = None
+        self._surroundings: Surroundings | None = None
+        self._time = 0.0
+        patch_of(water, **self._array)
+        with offscreen():
+            super().__init__(model, height, width, max_geom, font_scale)
+        with self._current():
+            if not has_shaders():
+                self.close()
+                raise RenderError(
+                    "this OpenGL does not know GLSL 3.30: draw with look='plain', or update its driver"
+                )
+            with own_state():
+                self._passes = WaterPasses((width, height))
+        self._sun = _sun(model)
+        self._still, self._piercing = _standing(model)
+        self._moving = _moving_geoms(model)
+        self._bodies = np.zeros((0, 16))
+
+    def close(self) -> None:
+        """Give the GL context back."""
+        if getattr(self, "_passes", None) is not None and self._gl_context:
+            with self._current():
+                self._passes.free()
+        self._passes = self._surroundings = None
+        super().close()
+
+    def update_scene(
+        self,
+        data: mujoco.MjData,
+        camera: int | str | mujoco.MjvCamera = -1,
+        scene_option: mujoco.MjvOption | None = None,
+    ) -> None:
+        """Gather what a camera sees, as `mujoco.Renderer.update_scene`."""
+        super().update_scene(data, camera, scene_option)
+        self._time = float(data.time)
+        self._bodies = _ellipsoids(self._model, data, self._moving)
+        if self._surroundings is None:
+            self._look_around(data)
+
+    def render(self, *, out: npt.NDArray[Any] | None = None) -> npt.NDArray[Any]:
+        """The picture, depth or segmentation, as `mujoco.Renderer.render`.
+
+        Raises:
+            RuntimeError: the renderer is closed.
+            ValueError: `out` has another shape.
+        """
+        if self._passes is None or self._depth_rendering or self._segmentation_rendering:
+            return self._render_ids(out)
+        shape = (self._height, self._width, 3)
+        if out is not None and out.shape != shape:
+            raise ValueError(f"out has shape {out.shape}: give {shape}")
+        usable = out is not None and out.dtype == np.uint8 and out.flags.c_contiguous
+        image = out if usable and out is not None else np.empty(shape, np.uint8)
+        with self._current():
+            with self._hidden():
+                mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._mjr_context)
+                mujoco.mjr_render(self._rect, self._scene, self._mjr_context)
+            with own_state():
+                view, patch = self._see()
+                self._take()
+                self._passes.draw(view, self._tiles(view, patch))
+                self._passes.read(image)
+        if out is None or out is image:
+            return image
+        np.copyto(out, image, casting="unsafe")
+        return out
+
+    def _render_ids(self, out: npt.NDArray[Any] | None) -> npt.NDArray[Any]:
+        """Depth and segmentation: MuJoCo's, and the water where it is nearer."""
+        found: npt.NDArray[Any] = super().render(out=out)
+        with self._current(), own_state():
+            view, _ = self._see()
+            self._take()
+            far = self._passes.distances(view)
+        if self._depth_rendering:
+            np.copyto(found, far, where=far > 0.0, casting="unsafe")
+        elif self._segmentation_rendering:
+            found[far > 0.0] = WATER_ID
+        return found
+
+    @contextlib.contextmanager
+    def _current(self) -> Iterator[None]:
+        with self._gl_context.as_current():
+            yield
+
+    @contextlib.contextmanager
+    def _hidden(self) -> Iterator[None]:
+        """From above, what stands under water is seen in the map of the bottom: MuJoCo need not draw it."""
+        hidden = []
+        if self._scene.camera[0].pos[2] > _SURELY_ABOVE:
+            for geom in self._scene.geoms[: self._scene.ngeom]:
+                if geom.objid in self._still and geom.objtype == mujoco.mjtObj.mjOBJ_GEOM:
+                    hidden.append((geom, geom.type))
+                    geom.type = mujoco.mjtGeom.mjGEOM_LABEL  # which has no body
+        try:
+            yield
+        finally:
+            for geom, kind in hidden:
+                geom.type = kind
+
+    def _take(self) -> None:
+        """What MuJoCo drew, for the water's passes."""
+        if self._mjr_context.offSamples or self._surroundings is None:
+            self._passes.model.copy_from(self._mjr_context.offFBO)
+
+    def _tiles(self, view: npt.NDArray[np.float32], patch: Patch) -> dict[str, tiles.Flags]:
+        """Which program draws which tile."""
+        size = self._width, self._height
+        depth = -self._surroundings.deepest if self._surroundings is not None else 3.0
+        water, boxes = tiles.footprints(view, size)
+        first = np.array(patch.origin) - (BORDER + 0.5) * patch.spacing
+        waves = tiles.rough(boxes, self._tallest, first, patch.spacing, depth)
+        eye, sun = (view[k, :3].astype(np.float64) for k in (0, 8))
+        around = tiles.around_bodies(eye, sun, self._bodies[:, :4], depth)
+        standing, bodies = (tiles.overlap(boxes, others) for others in (self._piercing, around))
+        return tiles.programs(water, waves, standing, bodies, sunk=view[0, 3] < 0.0)
+
+    def _look_around(self, data: mujoco.MjData) -> None:
+        """Draw the bottom and the scenery once."""
+        patch = patch_of(self.water, time=self._time, **self._array)
+        size = patch.spacing * max(patch.elevation.shape)
+        known = size > 2.0 * patch.spacing
+        reach = 0.5 * size if known else float(self._model.stat.extent)
+        centre = patch.centre if known else tuple(self._model.stat.center[:2].tolist())
+        with self._current(), own_state():
+            self._surroundings = Surroundings(
+                self._model, data, self._mjr_context, self._passes, centre=centre,
+                reach=min(reach + _MARGIN, _FARTHEST),
+            )  # fmt: skip
+            if self._mjr_context.offSamples == 0:
+                self._passes.adopt(self._mjr_context.offFBO)
+
+    def _see(self) -> tuple[npt.NDArray[np.float32], Patch]:
+        """Hand the surface over, and fill in `water.glsl`'s View."""
+        view = np.zeros((VIEW_ROWS, 4), np.float32)
+        position, ahead = self._camera_rows(view)
+        focus = _looked_at(position, ahead)
+        patch = patch_of(self.water, focus=focus, time=self._time, **self._array)
+        heights = faded(patch.elevation)
+        self._tallest = tallest(heights)
+        self._passes.put_surface(heights, self._tallest)
+        first = np.array(patch.origin) - (BORDER + 0.5) * patch.spacing  # outer edge of the first cell
+        for row, shape, side in (
+            (5, heights.shape, patch.spacing), (6, self._tallest.shape, BLOCK * patch.spacing)
+        ):  # fmt: skip
+            scale = 1.0 / (np.array(shape) * side)
+            view[row] = *(-first * scale), *scale
+        view[7, 0] = patch.spacing
+        view[0, 3] = 1.0 if position[2] > _height_at(patch, position) else -1.0
+        sun, colour = self._sun
+        view[8] = *sun, 0.0 if self.linear else self.appearance.wind
+        view[9] = *colour, 0.0 if self.linear else 0.6
+        view[10] = *self.appearance.absorption, self._time
+        view[11] = *self.appearance.scattered, float(self.linear)
+        if self._surroundings is not None:
+            view[12:16] = self._surroundings.rows
+        view[15, 2] = len(self._bodies)
+        view[16 : 16 + 4 * len(self._bodies)] = self._bodies.reshape(-1, 4)
+        return view, patch
+
+    def _camera_rows(self, view: npt.NDArray[np.float32]) -> tuple[Array, Array]:
+        """Fill in the camera; its position and direction."""
+        left, other = self._scene.camera  # a stereo pair, drawn from its middle
+        position = 0.5 * (np.array(left.pos, np.float64) + other.pos)
+        ahead, up = np.array(left.forward, np.float64), np.array(left.up, np.float64)
+        near, far = float(left.frustum_near), float(left.frustum_far)
+        flat = float(left.orthographic)
+        scale = 1.0 if flat else near
+        half_height = 0.5 * float(left.frustum_top - left.frustum_bottom) / scale
+        half_width = float(left.frustum_width) / scale or half_height * self._width / self._height
+        middle = float(left.frustum_center) / scale / half_width
+        raised = 0.5 * float(left.frustum_top + left.frustum_bottom) / scale
+        view[0, :3] = position
+        view[1] = *(ahead + raised * up), flat
+        view[2] = *(half_width * np.cross(ahead, up)), -middle
+        view[3] = *(half_height * up), half_width / self._width
+        view[4] = 1.0 / far, 1.0 / near - 1.0 / far, near, far - near
+        return position, ahead
+
+
+def _looked_at(position: Array, ahead: Array) -> tuple[float, float]:
+    """Where a camera looks at the water (x, y) [m], not far from it."""
+    away = -position[2] / ahead[2] if ahead[2] * position[2] < 0.0 else 3.0
+    x, y, _ = position + min(away, 5.0) * ahead
+    return float(x), float(y)
+
+
+def _height_at(patch: Patch, position: Array) -> float:
+    """Of the surface over or under a point [m]."""
+    i, j = (
+        round((at - first) / patch.spacing)
+        for at, first in zip(position, patch.origin, strict=False)
+    )
+    nx, ny = patch.elevation.shape
+    return float(patch.elevation[i, j]) if 0 <= i < nx and 0 <= j < ny else 0.0
+
+
+def _sun(model: Any) -> tuple[Array, Array]:
+    """Towards the brightest directional light, and its colour; ahead on the left if there is none."""
+    best, way, colour = 0.0, np.array(_SUN), np.array([1.0, 0.95, 0.84])
+    for light in range(model.nlight):
+        if model.light_type[light] != mujoco.mjtLightType.mjLIGHT_DIRECTIONAL:
+            continue
+        strength = float(np.sum(model.light_diffuse[light]))
+        if strength > best and model.light_dir[light][2] < -0.05:
+            best, way = strength, np.array(model.light_dir[light], np.float64)
+            colour = model.light_diffuse[light] / max(model.light_diffuse[light])
+    return -way / np.linalg.norm(way), colour
+
+
+def _standing(model: Any) -> tuple[frozenset[int], Array]:
+    """What stands still: geoms wholly under water, and boxes (n, 4) about those that reach out of it [m].
+
+    A box is least and greatest x, least and greatest y.
+    """
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    axes = data.geom_xmat.reshape(-1, 3, 3)
+    middle = data.geom_xpos + np.einsum("nij,nj->ni", axes, model.geom_aabb[:, :3])
+    half = np.einsum("nij,nj->ni", np.abs(axes), model.geom_aabb[:, 3:])
+    endless = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
+    half[endless] = math.inf
+    level = endless & (np.abs(axes[:, 2, 2]) > 1.0 - 1e-6)
+    half[level, 2] = 0.0
+    still = ~_moves(model)[model.geom_bodyid] & (model.geom_group < 3)
+    below = still & (middle[:, 2] + half[:, 2] < -_SURELY_ABOVE)
+    pierce = still & ~below & (middle[:, 2] - half[:, 2] < 0.05)
+    low, high = middle[pierce] - half[pierce], middle[pierce] + half[pierce]
+    boxes = np.stack([low[:, 0], high[:, 0], low[:, 1], high[:, 1]], axis=1)
+    return frozenset(np.flatnonzero(below).tolist()), boxes
+
+
+def _moves(model: Any) -> npt.NDArray[np.bool_]:
+    """Which bodies can move against the world, in the order of their ids."""
+    return np.asarray((model.body_weldid != 0) | (model.body_mocapid >= 0))
+
+
+def _moving_geoms(model: Any) -> npt.NDArray[np.int64]:
+    """Geoms of bodies that move, the largest if there are too many."""
+    moving = _moves(model)[model.geom_bodyid] & (model.geom_rbound > 0.0) & (model.geom_group < 3)
+    found = np.flatnonzero(moving)
+    if len(found) > MOST_BODIES:
+        found = found[np.argsort(-model.geom_rbound[found], kind="stable")[:MOST_BODIES]]
+    return found
+
+
+def _ellipsoids(model: Any, data: Any, geoms: npt.NDArray[np.int64]) -> Array:
+    """Geoms as rows (n, 16): centre, reach; rows of the matrix that makes it a unit sphere, and colour."""
+    axes = data.geom_xmat[geoms].reshape(-1, 3, 3)
+    half = np.maximum(model.geom_aabb[geoms, 3:], 1e-3)
+    centre = data.geom_xpos[geoms] + np.einsum("nij,nj->ni", axes, model.geom_aabb[geoms, :3])
+    reach = model.geom_rbound[geoms]
+    # what is far above the water or deep below is neither mirrored nor seen
+    near = (np.abs(centre[:, 2]) - reach) < 10.0
+    rows = np.zeros((len(geoms), 4, 4))
+    rows[:, 0, :3], rows[:, 0, 3] = centre, reach
+    rows[:, 1:, :3] = (axes / half[:, None, :]).transpose(0, 2, 1)
+    rows[:, 1:, 3] = [_colour(model, geom) for geom in geoms]
+    return rows[near].reshape(-1, 16)
+
+
+def _colour(model: Any, geom: int) -> Array:
+    """Of a geom, the mean of its texture."""
+    material = int(model.geom_matid[geom])
+    if material < 0:
+        return np.asarray(model.geom_rgba[geom][:3], np.float64)
+    colour = np.asarray(model.mat_rgba[material][:3], np.float64)
+    texture = int(model.mat_texid[material][int(mujoco.mjtTextureRole.mjTEXROLE_RGB)])
+    if texture < 0:
+        return colour
+    channels, first = int(model.tex_nchannel[texture]), int(model.tex_adr[texture])
+    count = int(model.tex_height[texture]) * int(model.tex_width[texture]) * channels
+    texels = model.tex_data[first : first + count].reshape(-1, channels)
+    return np.asarray(colour * texels[:: max(1, len(texels) // 1000), :3].mean(axis=0) / 255.0)
