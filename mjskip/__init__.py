@@ -11,7 +11,9 @@ if TYPE_CHECKING:
     from mjskip import errors as errors
     from mjskip.coupling.attach import attach as attach
     from mjskip.coupling.plugin import register_plugin as register_plugin
+    from mjskip.draw.appearance import WaterAppearance as WaterAppearance
     from mjskip.draw.render import render_video as render_video
+    from mjskip.draw.renderer import Renderer as Renderer
     from mjskip.hydro.laws import LAWS as LAWS
     from mjskip.hydro.stone import Stone as Stone
     from mjskip.hydro.water import Water as Water
@@ -33,15 +35,17 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = [
-    "LAWS", "Contact", "HeightField", "Lake", "Limits", "Scene", "Stone", "Throw", "Trajectory", "Water",
-    "attach", "errors", "integrate", "load_scene", "optimize", "register_plugin", "render_video",
+    "LAWS", "Contact", "HeightField", "Lake", "Limits", "Renderer", "Scene", "Stone", "Throw", "Trajectory", "Water",
+    "WaterAppearance", "attach", "errors", "integrate", "load_scene", "optimize", "register_plugin", "render_video",
     "simulate", "simulate_all", "sweep", "wrench",
 ]  # fmt: skip
 
 _WHERE = {
     "coupling.attach": ["attach"],
     "coupling.plugin": ["register_plugin"],
+    "draw.appearance": ["WaterAppearance"],
     "draw.render": ["render_video"],
+    "draw.renderer": ["Renderer"],
     "hydro.laws": ["LAWS"],
     "hydro.stone": ["Stone"],
     "hydro.water": ["Water"],

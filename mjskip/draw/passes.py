@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip.draw.appearance import ripples
+from mjskip.draw.surface import ShaderSurface
 from mjskip.errors import RenderError
 
 Array = npt.NDArray[np.float32]
@@ -23,14 +24,12 @@ UNITS = {
     name: unit
     for unit, name in enumerate(
         (
-            "picture", "distances", "heights", "tallest", "ripples", "bottom", "soundings", "scenery",
+            "picture", "distances", "heights", "bends", "tallest", "ripples", "bottom", "soundings", "scenery",
             "ranges", "shape", "water",
         )
     )
 }  # fmt: skip
 """Texture units of the samplers of `water.glsl`; the first are MuJoCo's too, and put back."""
-
-_SOUNDINGS = 512  # points a side of the map of the bottom's height
 
 VIEW_ROWS = 16 + 4 * MOST_BODIES
 """Rows of four numbers of `water.glsl`'s View."""
@@ -58,7 +57,7 @@ void main()
 
 _PROGRAMS = (
     "LIGHT", "LIGHT WAVES", "LIGHT WAVES STANDING", "LIGHT WAVES STANDING BODIES", "LIGHT WAVES BODIES SUNK",
-    "PICTURE", "PICTURE STANDING", "PICTURE STANDING SUNK", "COPY", "DISTANCE WAVES", "SOUNDING",
+    "PICTURE", "PICTURE STANDING", "PICTURE STANDING SUNK", "SURE", "COPY", "DISTANCE WAVES", "SOUNDING", "RANGE",
 )  # fmt: skip
 
 
@@ -139,7 +138,7 @@ class Texture:
 
         Args:
             size: width and height [pixels].
-            kind: "RGBA8", "RGBA16F", "R32F" or "DEPTH32F_STENCIL8".
+            kind: "RGBA8", "R32F" or "DEPTH32F_STENCIL8".
             smooth: whether it is interpolated between pixels.
             repeat: what is beyond the edges, OpenGL's name.
             levels: whether it has smaller copies of itself.
@@ -151,7 +150,6 @@ class Texture:
         g = gl()
         form, part = {
             "RGBA8": (g.GL_RGBA, g.GL_UNSIGNED_BYTE),
-            "RGBA16F": (g.GL_RGBA, g.GL_FLOAT),
             "R32F": (g.GL_RED, g.GL_FLOAT),
                 "DEPTH32F_STENCIL8": (g.GL_DEPTH_STENCIL, g.GL_UNSIGNED_INT_24_8),
         }[kind]
@@ -172,10 +170,11 @@ class Texture:
                 self.target, getattr(g, f"GL_TEXTURE_{key}"), getattr(g, f"GL_{value}")
             )
 
-    def put(self, values: Array) -> None:
-        """Fill with values, rows from the lower edge."""
+    def put(self, values: npt.NDArray[Any], face: int | None = None) -> None:
+        """Fill with values, rows from the lower edge; of a cube, one face."""
         gl().glBindTexture(self.target, self.name)
-        gl().glTexSubImage2D(self.target, 0, 0, 0, *self.size, self.form, self.part, values)
+        target = self.target if face is None else gl().GL_TEXTURE_CUBE_MAP_POSITIVE_X + face
+        gl().glTexSubImage2D(target, 0, 0, 0, *self.size, self.form, self.part, values)
 
     def make_levels(self) -> None:
         """Make the smaller copies."""
@@ -260,7 +259,7 @@ class WaterPasses:
         self._columns, self._rows = (-(-side // TILE) for side in size)
         self._programs = {}
         for kind in _PROGRAMS:
-            flipped = ["FLIPPED"] if kind.split()[0] in ("PICTURE", "COPY", "DISTANCE") else []
+            flipped = ["FLIPPED"] if kind.split()[0] in ("PICTURE", "SURE", "COPY", "DISTANCE") else []
             self._programs[kind] = made = program(*kind.split(), *flipped)
             g.glUniform3i(g.glGetUniformLocation(made, "tiles"), *size, self._columns)
         self.model = Target(size, {"picture": "RGBA8"}, depth=True)
@@ -278,14 +277,16 @@ class WaterPasses:
         self.inputs: dict[str, Texture] = {"ripples": breath}
         self._size = size
 
-    def put_surface(self, elevation: Array, tallest: Array) -> None:
-        """Hand over heights (nx, ny) [m], and the greatest about each block of them."""
-        for name, values, smooth in (("heights", elevation, True), ("tallest", tallest, False)):
+    def put_surface(self, surface: ShaderSurface) -> None:
+        """Hand heights over."""
+        for name in ("heights", "bends", "tallest"):
+            values = getattr(surface, name)
             size = values.shape[1], values.shape[0]
             kept = self.inputs.get(name)
             if kept is None or kept.size != size:
                 if kept is not None:
                     kept.free()
+                smooth = name != "tallest"
                 kept = self.inputs[name] = Texture(
                     size, "R32F", smooth=smooth, repeat="CLAMP_TO_BORDER"
                 )
@@ -316,16 +317,20 @@ class WaterPasses:
         self._read(self._far, gl().GL_RED, gl().GL_FLOAT, found)
         return found
 
-    def soundings(self, depths: Texture, view: Array) -> Array:
-        """Heights (n, n) [m] from the depth buffer of parallel rays from above; kept as an input."""
-        target = Target((_SOUNDINGS, _SOUNDINGS), {"soundings": "R32F"})
-        self._set_view(view)
-        self._fill("SOUNDING", target, textures={"distances": depths})
-        found = np.empty(target.size, np.float32)
-        self._read(target, gl().GL_RED, gl().GL_FLOAT, found)
-        self.inputs["soundings"] = target.textures.pop("soundings")
+    def converted(
+        self, kind: str, depths: Texture, side: int, view: Array | None = None
+    ) -> tuple[Texture, Array]:
+        """A depth buffer through a program of that kind: as a texture (side, side), and its numbers."""
+        found = np.empty((side, side), np.float32)
+        with own_state():
+            if view is not None:
+                self._set_view(view)
+            target = Target((side, side), {"found": "R32F"})
+            self._fill(kind, target, textures={"distances": depths})
+            self._read(target, gl().GL_RED, gl().GL_FLOAT, found)
+        texture = target.textures.pop("found")
         target.free()
-        return found
+        return texture, found
 
     def adopt(self, buffer: int) -> None:
         """Let another frame buffer, of one sample a pixel, draw into `model`: nothing need be copied."""

@@ -13,15 +13,16 @@ import numpy.typing as npt
 
 from mjskip.draw import tiles
 from mjskip.draw.appearance import WaterAppearance
+from mjskip.draw.geoms import SURELY_ABOVE, Ellipsoids, Standing, moving_geoms, outlines, sun_of
 from mjskip.draw.gl import offscreen
 from mjskip.draw.passes import (
-    MOST_BODIES,
     VIEW_ROWS,
     WaterPasses,
+    gl,
     has_shaders,
     own_state,
 )
-from mjskip.draw.surface import BLOCK, BORDER, Patch, faded, patch_of, tallest
+from mjskip.draw.surface import BLOCK, BORDER, Patch, ShaderSurface, patch_of
 from mjskip.draw.surroundings import Surroundings
 from mjskip.errors import RenderError
 
@@ -30,8 +31,6 @@ Array = npt.NDArray[np.float64]
 WATER_ID = -2
 """Both numbers of a pixel of water in a segmentation: background has -1, and everything else its id."""
 
-_SUN = (-0.579, -0.644, -0.5)  # the way its light goes where the model has no directional light
-_SURELY_ABOVE = 0.3  # [m]: a camera so high is above the water
 _MARGIN = 3.0  # [m] of the bottom beyond the water that is of interest
 _FARTHEST = 20.0  # [m]: half the side of the map of the bottom at most
 
@@ -91,6 +90,7 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
             ValueError: the picture is larger than the model's offscreen buffer, or the water is none.
             RenderError: no context can be made here, or it does not know GLSL 3.30.
         """
+        self._gl_context = self._mjr_context = None  # what `close` looks for
         self.appearance = appearance or WaterAppearance()
         self.linear = linear
         self._array = {"spacing": spacing, "centre": centre}
@@ -109,10 +109,11 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
                 )
             with own_state():
                 self._passes = WaterPasses((width, height))
-        self._sun = _sun(model)
-        self._still, self._piercing = _standing(model)
-        self._moving = _moving_geoms(model)
+        self._sun = sun_of(model)
+        self._standing, self._moving = Standing.of(model), moving_geoms(model)
+        self._ellipsoids = Ellipsoids.of(model, self._moving)
         self._bodies = np.zeros((0, 16))
+        self._surface = ShaderSurface()
 
     def close(self) -> None:
         """Give the GL context back."""
@@ -131,7 +132,11 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         """Gather what a camera sees, as `mujoco.Renderer.update_scene`."""
         super().update_scene(data, camera, scene_option)
         self._time = float(data.time)
-        self._bodies = _ellipsoids(self._model, data, self._moving)
+        self._bodies = self._ellipsoids.rows(data)
+        low, high = outlines(self._model, data, self._moving)
+        self._outlines = (
+            np.concatenate([self._standing.low, low]), np.concatenate([self._standing.high, high])
+        )  # fmt: skip
         if self._surroundings is None:
             self._look_around(data)
 
@@ -153,6 +158,7 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
             with self._hidden():
                 mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._mjr_context)
                 mujoco.mjr_render(self._rect, self._scene, self._mjr_context)
+            gl().glFlush()  # it draws while the rest is made ready
             with own_state():
                 view, patch = self._see()
                 self._take()
@@ -176,6 +182,11 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
             found[far > 0.0] = WATER_ID
         return found
 
+    @property
+    def _depth(self) -> float:
+        """Of the water [m]."""
+        return 3.0 if self._surroundings is None else -self._surroundings.deepest
+
     @contextlib.contextmanager
     def _current(self) -> Iterator[None]:
         with self._gl_context.as_current():
@@ -183,18 +194,28 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
 
     @contextlib.contextmanager
     def _hidden(self) -> Iterator[None]:
-        """From above, what stands under water is seen in the map of the bottom: MuJoCo need not draw it."""
+        """From above, what stands under water is seen in the map of the bottom: MuJoCo need not draw it.
+
+        A bottom without end stays, without its texture: what is nowhere else would be filled with sky.
+        """
         hidden = []
-        if self._scene.camera[0].pos[2] > _SURELY_ABOVE:
+        if self._scene.camera[0].pos[2] > SURELY_ABOVE:
+            wide = 0.7 * self._scene.camera[0].frustum_far
+            sunk = self._standing.sunk
             for geom in self._scene.geoms[: self._scene.ngeom]:
-                if geom.objid in self._still and geom.objtype == mujoco.mjtObj.mjOBJ_GEOM:
-                    hidden.append((geom, geom.type))
-                    geom.type = mujoco.mjtGeom.mjGEOM_LABEL  # which has no body
+                if geom.objid in sunk and geom.objtype == mujoco.mjtObj.mjOBJ_GEOM:
+                    hidden.append((geom, geom.type, geom.matid, geom.size.copy()))
+                    if geom.type == mujoco.mjtGeom.mjGEOM_PLANE:
+                        geom.type, geom.matid = mujoco.mjtGeom.mjGEOM_BOX, -1
+                        geom.size[:] = wide, wide, 0.01
+                    else:
+                        geom.type = mujoco.mjtGeom.mjGEOM_LABEL  # which has no body
         try:
             yield
         finally:
-            for geom, kind in hidden:
-                geom.type = kind
+            for geom, kind, material, size in hidden:
+                geom.type, geom.matid = kind, material
+                geom.size[:] = size
 
     def _take(self) -> None:
         """What MuJoCo drew, for the water's passes."""
@@ -203,15 +224,18 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
 
     def _tiles(self, view: npt.NDArray[np.float32], patch: Patch) -> dict[str, tiles.Flags]:
         """Which program draws which tile."""
-        size = self._width, self._height
-        depth = -self._surroundings.deepest if self._surroundings is not None else 3.0
-        water, boxes = tiles.footprints(view, size)
-        first = np.array(patch.origin) - (BORDER + 0.5) * patch.spacing
-        waves = tiles.rough(boxes, self._tallest, first, patch.spacing, depth)
+        size, depth = (self._width, self._height), self._depth
         eye, sun = (view[k, :3].astype(np.float64) for k in (0, 8))
-        around = tiles.around_bodies(eye, sun, self._bodies[:, :4], depth)
-        standing, bodies = (tiles.overlap(boxes, others) for others in (self._piercing, around))
-        return tiles.programs(water, waves, standing, bodies, sunk=view[0, 3] < 0.0)
+        water, whole, boxes = tiles.footprints(view, size)
+        first = np.array(patch.origin) - (BORDER + 0.5) * patch.spacing
+        waves = tiles.rough(boxes, self._surface.tallest, first, patch.spacing, depth)
+        images = tiles.around_bodies(eye, sun, self._bodies[:, :4], depth)
+        before = tiles.hidden_by(eye, *self._outlines)
+        standing, bodies, hidden = (
+            tiles.overlap(boxes, others) for others in (self._standing.boxes, images, before)
+        )
+        sunk = view[0, 3] < 0.0
+        return tiles.programs(water, waves, standing, bodies, hidden, whole, sunk=sunk)
 
     def _look_around(self, data: mujoco.MjData) -> None:
         """Draw the bottom and the scenery once."""
@@ -234,20 +258,20 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         position, ahead = self._camera_rows(view)
         focus = _looked_at(position, ahead)
         patch = patch_of(self.water, focus=focus, time=self._time, **self._array)
-        heights = faded(patch.elevation)
-        self._tallest = tallest(heights)
-        self._passes.put_surface(heights, self._tallest)
+        self._surface.fill(patch, blur=0.1 * self._depth)
+        self._passes.put_surface(self._surface)
         first = np.array(patch.origin) - (BORDER + 0.5) * patch.spacing  # outer edge of the first cell
-        for row, shape, side in (
-            (5, heights.shape, patch.spacing), (6, self._tallest.shape, BLOCK * patch.spacing)
-        ):  # fmt: skip
-            scale = 1.0 / (np.array(shape) * side)
+        for row, values, side in (
+            (5, self._surface.heights, patch.spacing),
+            (6, self._surface.tallest, BLOCK * patch.spacing),
+        ):
+            scale = 1.0 / (np.array(values.shape[:2]) * side)
             view[row] = *(-first * scale), *scale
         view[7, 0] = patch.spacing
         view[0, 3] = 1.0 if position[2] > _height_at(patch, position) else -1.0
         sun, colour = self._sun
         view[8] = *sun, 0.0 if self.linear else self.appearance.wind
-        view[9] = *colour, 0.0 if self.linear else 0.6
+        view[9] = *colour, 0.6
         view[10] = *self.appearance.absorption, self._time
         view[11] = *self.appearance.scattered, float(self.linear)
         if self._surroundings is not None:
@@ -291,82 +315,3 @@ def _height_at(patch: Patch, position: Array) -> float:
     )
     nx, ny = patch.elevation.shape
     return float(patch.elevation[i, j]) if 0 <= i < nx and 0 <= j < ny else 0.0
-
-
-def _sun(model: Any) -> tuple[Array, Array]:
-    """Towards the brightest directional light, and its colour; ahead on the left if there is none."""
-    best, way, colour = 0.0, np.array(_SUN), np.array([1.0, 0.95, 0.84])
-    for light in range(model.nlight):
-        if model.light_type[light] != mujoco.mjtLightType.mjLIGHT_DIRECTIONAL:
-            continue
-        strength = float(np.sum(model.light_diffuse[light]))
-        if strength > best and model.light_dir[light][2] < -0.05:
-            best, way = strength, np.array(model.light_dir[light], np.float64)
-            colour = model.light_diffuse[light] / max(model.light_diffuse[light])
-    return -way / np.linalg.norm(way), colour
-
-
-def _standing(model: Any) -> tuple[frozenset[int], Array]:
-    """What stands still: geoms wholly under water, and boxes (n, 4) about those that reach out of it [m].
-
-    A box is least and greatest x, least and greatest y.
-    """
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    axes = data.geom_xmat.reshape(-1, 3, 3)
-    middle = data.geom_xpos + np.einsum("nij,nj->ni", axes, model.geom_aabb[:, :3])
-    half = np.einsum("nij,nj->ni", np.abs(axes), model.geom_aabb[:, 3:])
-    endless = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
-    half[endless] = math.inf
-    level = endless & (np.abs(axes[:, 2, 2]) > 1.0 - 1e-6)
-    half[level, 2] = 0.0
-    still = ~_moves(model)[model.geom_bodyid] & (model.geom_group < 3)
-    below = still & (middle[:, 2] + half[:, 2] < -_SURELY_ABOVE)
-    pierce = still & ~below & (middle[:, 2] - half[:, 2] < 0.05)
-    low, high = middle[pierce] - half[pierce], middle[pierce] + half[pierce]
-    boxes = np.stack([low[:, 0], high[:, 0], low[:, 1], high[:, 1]], axis=1)
-    return frozenset(np.flatnonzero(below).tolist()), boxes
-
-
-def _moves(model: Any) -> npt.NDArray[np.bool_]:
-    """Which bodies can move against the world, in the order of their ids."""
-    return np.asarray((model.body_weldid != 0) | (model.body_mocapid >= 0))
-
-
-def _moving_geoms(model: Any) -> npt.NDArray[np.int64]:
-    """Geoms of bodies that move, the largest if there are too many."""
-    moving = _moves(model)[model.geom_bodyid] & (model.geom_rbound > 0.0) & (model.geom_group < 3)
-    found = np.flatnonzero(moving)
-    if len(found) > MOST_BODIES:
-        found = found[np.argsort(-model.geom_rbound[found], kind="stable")[:MOST_BODIES]]
-    return found
-
-
-def _ellipsoids(model: Any, data: Any, geoms: npt.NDArray[np.int64]) -> Array:
-    """Geoms as rows (n, 16): centre, reach; rows of the matrix that makes it a unit sphere, and colour."""
-    axes = data.geom_xmat[geoms].reshape(-1, 3, 3)
-    half = np.maximum(model.geom_aabb[geoms, 3:], 1e-3)
-    centre = data.geom_xpos[geoms] + np.einsum("nij,nj->ni", axes, model.geom_aabb[geoms, :3])
-    reach = model.geom_rbound[geoms]
-    # what is far above the water or deep below is neither mirrored nor seen
-    near = (np.abs(centre[:, 2]) - reach) < 10.0
-    rows = np.zeros((len(geoms), 4, 4))
-    rows[:, 0, :3], rows[:, 0, 3] = centre, reach
-    rows[:, 1:, :3] = (axes / half[:, None, :]).transpose(0, 2, 1)
-    rows[:, 1:, 3] = [_colour(model, geom) for geom in geoms]
-    return rows[near].reshape(-1, 16)
-
-
-def _colour(model: Any, geom: int) -> Array:
-    """Of a geom, the mean of its texture."""
-    material = int(model.geom_matid[geom])
-    if material < 0:
-        return np.asarray(model.geom_rgba[geom][:3], np.float64)
-    colour = np.asarray(model.mat_rgba[material][:3], np.float64)
-    texture = int(model.mat_texid[material][int(mujoco.mjtTextureRole.mjTEXROLE_RGB)])
-    if texture < 0:
-        return colour
-    channels, first = int(model.tex_nchannel[texture]), int(model.tex_adr[texture])
-    count = int(model.tex_height[texture]) * int(model.tex_width[texture]) * channels
-    texels = model.tex_data[first : first + count].reshape(-1, channels)
-    return np.asarray(colour * texels[:: max(1, len(texels) // 1000), :3].mean(axis=0) / 255.0)

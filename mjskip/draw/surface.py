@@ -7,6 +7,8 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
+from mjskip.draw._draw_kernels import fill_surface
+
 BLOCK = 16
 """Cells a side of the blocks of which the greatest height is known; `water.glsl` knows it too."""
 
@@ -111,26 +113,26 @@ def _patch_of_array(
     return Patch(np.asarray(heights, np.float32), float(spacing), centre)
 
 
-def faded(elevation: SingleArray) -> SingleArray:
-    """Heights with a border of `BORDER` cells in which they fade into still water."""
-    n = BORDER
-    nx, ny = elevation.shape
-    found = np.empty((nx + 2 * n, ny + 2 * n), np.float32)
-    found[n:-n, n:-n] = elevation
-    kept = (0.5 + 0.5 * np.cos(np.pi * np.arange(1, n + 1) / n)).astype(np.float32)
-    found[:n, n:-n] = kept[::-1, None] * elevation[0]
-    found[-n:, n:-n] = kept[:, None] * elevation[-1]
-    found[:, :n] = kept[::-1] * found[:, n : n + 1]
-    found[:, -n:] = kept * found[:, -n - 1 : -n]
-    return found
+class ShaderSurface:
+    """Room for a patch as the water's shaders read it.
 
+    Attributes:
+        heights: (nx + 2 BORDER, ny + 2 BORDER) [m].
+        bends: Laplacians there [1/m].
+        tallest: greatest height or depth in each block of BLOCK x BLOCK cells and the eight around it [m].
+    """
 
-def tallest(heights: SingleArray) -> SingleArray:
-    """Greatest height or depth in each block of cells and the eight around it [m]."""
-    from scipy.ndimage import maximum_filter
+    def __init__(self) -> None:
+        self.heights, self.bends, self.tallest = (np.empty((0, 0), np.float32) for _ in range(3))
 
-    nx, ny = (-(-n // BLOCK) for n in heights.shape)
-    padded = np.zeros((nx * BLOCK, ny * BLOCK), np.float32)
-    np.abs(heights, out=padded[: heights.shape[0], : heights.shape[1]])
-    blocks = padded.reshape(nx, BLOCK, ny * BLOCK).max(axis=1).reshape(nx, ny, BLOCK).max(axis=2)
-    return np.asarray(maximum_filter(blocks, 3, mode="nearest"))
+    def fill(self, patch: Patch, *, blur: float) -> None:
+        """Take a patch; its Laplacian is a mean over about `blur` [m]."""
+        nx, ny = (n + 2 * BORDER for n in patch.elevation.shape)
+        if self.heights.shape != (nx, ny):
+            self.heights, self.bends = np.empty((2, nx, ny), np.float32)
+            self.tallest = np.empty((-(-nx // BLOCK), -(-ny // BLOCK)), np.float32)
+        stride = max(1, round(blur / patch.spacing))
+        fill_surface(
+            patch.elevation, BORDER, stride, patch.spacing, BLOCK, self.heights, self.bends,
+            self.tallest,
+        )  # fmt: skip

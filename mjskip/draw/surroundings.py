@@ -18,6 +18,8 @@ _DEEPEST = 30.0  # [m] below that
 _LARGEST = 2048  # texels a side of the map
 _TEXEL = 0.01  # [m] if the map is not too large for that
 _LIFT = 0.3  # [m] above the water where the scenery is taken
+_SOUNDINGS = 512  # points a side of the map of its height
+_RANGES = 256  # pixels a side of each picture of how far the scenery is
 _FACE = 512  # pixels a side of each of its pictures
 
 # OpenGL's sides of a cube: where each looks, and what is up in it
@@ -105,14 +107,17 @@ class Surroundings:
         view = np.zeros((VIEW_ROWS, 4), np.float32)
         view[12:16] = self.rows
         self._passes.inputs["bottom"] = bottom
-        self.deepest = float(self._passes.soundings(depths, view).min())
+        heights, found = self._passes.converted("SOUNDING", depths, _SOUNDINGS, view)
+        self._passes.inputs["soundings"] = heights
+        self.deepest = float(found.min())
         depths.free()
 
     def _draw_scenery(self, centre: tuple[float, float], near: float, far: float) -> None:
         """The sides of a cube; one over the distance ahead is linear in what a depth buffer holds."""
         side = min(_FACE, *self._target.size)
         scenery = Texture((side, side), "RGBA8", cube=True)
-        ranges = Texture((side, side), "DEPTH32F_STENCIL8", smooth=False, cube=True)
+        ranges = Texture((_RANGES, _RANGES), "R32F", smooth=False, cube=True)
+        depths = Texture((side, side), "DEPTH32F_STENCIL8", smooth=False)
         place = (*centre, _LIFT)
         self._gather(place)
         for number, (forward, up) in enumerate(_SIDES):
@@ -123,9 +128,12 @@ class Surroundings:
                 camera.frustum_top, camera.frustum_bottom = near, -near
                 camera.frustum_center, camera.frustum_width = 0.0, near
             self._render((side, side))
-            for texture in (scenery, ranges):
-                face = gl().GL_TEXTURE_CUBE_MAP_POSITIVE_X + number
-                _copy(texture, face, (0, 0), (side, side))
+            _copy(scenery, gl().GL_TEXTURE_CUBE_MAP_POSITIVE_X + number, (0, 0), (side, side))
+            _copy(depths, depths.target, (0, 0), (side, side))
+            texture, found = self._passes.converted("RANGE", depths, _RANGES)
+            texture.free()
+            ranges.put(found, number)
+        depths.free()
         self._passes.inputs |= {"scenery": scenery, "ranges": ranges}
         self.rows[2] = *place, 1.0 / far
 

@@ -21,7 +21,9 @@ _BORDER = 2.0  # pixels: tiles know their neighbours' edges
 _HORIZON = 1e4  # [m]
 
 
-def footprints(view: npt.NDArray[np.float32], size: tuple[int, int]) -> tuple[Flags, Array]:
+def footprints(
+    view: npt.NDArray[np.float32], size: tuple[int, int]
+) -> tuple[Flags, Flags, Array]:
     """Where tiles are on the water.
 
     Args:
@@ -29,8 +31,8 @@ def footprints(view: npt.NDArray[np.float32], size: tuple[int, int]) -> tuple[Fl
         size: of the picture [pixels].
 
     Returns:
-        Which tiles (rows, columns) hold any water, and the box about what each holds of the plane z = 0,
-        (rows, columns, 4): least and greatest x, least and greatest y [m].
+        Which tiles (rows, columns) hold any water, which hold nothing beyond it, and the box about what each
+        holds of the plane z = 0, (rows, columns, 4): least and greatest x, least and greatest y [m].
     """
     eye, ahead, right, up = (view[k, :3].astype(np.float64) for k in range(4))
     flat, middle = float(view[1, 3]), float(view[2, 3])
@@ -47,7 +49,7 @@ def footprints(view: npt.NDArray[np.float32], size: tuple[int, int]) -> tuple[Fl
     far = np.where(dips, -start[..., 2] / np.where(dips, ray[..., 2], 1.0), _HORIZON)
     places = (start + far[..., None] * ray)[..., :2].reshape(4, *dips.shape[2:], 2)
     box = np.stack([places.min(axis=0), places.max(axis=0)], axis=-1)
-    return dips.any(axis=(0, 1)), box.reshape(*box.shape[:2], 4)
+    return dips.any(axis=(0, 1)), dips.all(axis=(0, 1)), box.reshape(*box.shape[:2], 4)
 
 
 def overlap(boxes: Array, others: Array) -> Flags:
@@ -124,21 +126,54 @@ def around_bodies(eye: Array, sun: Array, bodies: Array, depth: float) -> Array:
     )
 
 
+def hidden_by(eye: Array, low: Array, high: Array) -> Array:
+    """Boxes (n, 4) on the water that boxes in the air hide from an eye above it.
+
+    Args:
+        eye: (3,) [m].
+        low: least x, y, z of each (n, 3) [m].
+        high: greatest (n, 3) [m].
+    """
+    found = []
+    for x in (low[:, 0], high[:, 0]):
+        for y in (low[:, 1], high[:, 1]):
+            for z in (np.zeros(len(low)), high[:, 2]):
+                drop = np.maximum(eye[2] - z, 1e-3 * eye[2])  # what is above the eye hides all beyond
+                stretch = np.minimum(eye[2] / drop, _HORIZON)
+                found.append([eye[0] + (x - eye[0]) * stretch, eye[1] + (y - eye[1]) * stretch])
+    places = np.array(found)  # (8, 2, n)
+    least, most = places.min(axis=0), places.max(axis=0)
+    return np.stack([least[0], most[0], least[1], most[1]], axis=1)
+
+
 def programs(
-    water: Flags, waves: Flags, standing: Flags, bodies: Flags, *, sunk: bool
+    water: Flags, waves: Flags, standing: Flags, bodies: Flags, hidden: Flags, whole: Flags, *, sunk: bool
 ) -> dict[str, Flags]:
-    """Tiles by the programs that draw them, in the order of drawing."""
+    """Tiles by the programs that draw them, in the order of drawing.
+
+    Args:
+        water: holds some.
+        waves: may hold waves.
+        standing: may hold what stands in the water.
+        bodies: may hold images of bodies that move.
+        hidden: may hold geoms before the water.
+        whole: no horizon in it.
+        sunk: whether the eye is under water.
+    """
     if sunk:
         everywhere = np.ones_like(water)
         return {"LIGHT WAVES BODIES SUNK": everywhere, "PICTURE STANDING SUNK": everywhere}
     standing, bodies = water & standing & ~bodies, water & bodies
     plain = water & ~standing & ~bodies
+    sure = water & whole & ~standing & ~hidden
+    rest = water & ~sure
     return {
         "LIGHT": plain & ~waves,
         "LIGHT WAVES": plain & waves,
         "LIGHT WAVES STANDING": standing,
         "LIGHT WAVES STANDING BODIES": bodies,
         "COPY": ~water,
-        "PICTURE": plain,
-        "PICTURE STANDING": standing | bodies,
+        "SURE": sure,
+        "PICTURE": rest & plain,
+        "PICTURE STANDING": rest & ~plain,
     }

@@ -4,7 +4,8 @@
 //             is mirrored in it and seen through it. WAVES: with those of the field, else as still water. STANDING:
 //             also what stands in it and reaches out, as the picture shows it. BODIES: also what moves. SUNK: the
 //             eye is under water.
-//   PICTURE   every pixel: which of water and geom is nearer. STANDING: of waves, else of still water.
+//   PICTURE   every pixel: which of water and geom is nearer. STANDING: of waves, else of still water. Where it is known
+//             without looking, SURE water, or a COPY of the rest.
 //   DISTANCE  every pixel: how far the water is, for depth and segmentation.
 //
 // A processor that draws walks through both sides of every branch, so a picture is cut into tiles, and each is drawn
@@ -23,7 +24,6 @@ const float AWAY = 1e9;        // [m]: a distance that nothing is at
 const float BLOCK = 16.0;      // cells a side of the blocks of which the greatest height is known
 const float BLUNT = 0.1;       // square of the width of a focus, in units of unfocused light
 const float SHALLOW = 0.15;    // [m]: from about this depth comes the light that deep water scatters
-const float MIXED = 0.1;       // of the depth: finer waves cast light that has mixed before it is on the bottom
 const float FAR = 25.0;        // [m]: nothing is seen so far through water
 const float BREATH = 2.56;     // [m] side of a tile of ripples
 const float TEXEL = 0.01;      // [m] of it
@@ -54,6 +54,7 @@ layout(std140) uniform View {
 uniform sampler2D picture;     // everything but the water
 uniform sampler2D distances;   // its depth buffer: 1 near, 0 far
 uniform sampler2D heights;     // [m], x along rows and y along columns
+uniform sampler2D bends;       // Laplacians there [1/m]
 uniform sampler2D tallest;     // [m], of the block and those around it
 uniform sampler2D ripples;     // two slopes and the Laplacian
 uniform sampler2D bottom;      // colours of what stands still under water, from above
@@ -70,6 +71,11 @@ in vec2 at;                    // 0 to 1 from the lower left corner of the pictu
 float height(vec2 p)
 {
     return textureLod(heights, p.yx * field.wz + field.yx, 0.0).r;
+}
+
+float bend_at(vec2 p)
+{
+    return textureLod(bends, p.yx * field.wz + field.yx, 0.0).r;
 }
 
 // Greatest height or depth about a point.
@@ -101,22 +107,13 @@ float strike(vec3 o, vec3 d)
     return t;
 }
 
-// Slopes and Laplacian as means over a pixel's footprint: a difference over its length is the mean slope along it.
-vec3 slopes(vec2 p, float h, vec2 along, float length_along, float length_across)
+// Slopes as means over a pixel's footprint: a difference over its length is the mean slope along it.
+vec2 slopes(vec2 p, vec2 along, float length_along, float length_across)
 {
     float a = max(cells.x, length_along), b = max(cells.x, length_across);
     vec2 across = vec2(-along.y, along.x);
-    float east = height(p + a * along), west = height(p - a * along);
-    float north = height(p + b * across), south = height(p - b * across);
-    float curved = (east + west - 2.0 * h) / (a * a) + (north + south - 2.0 * h) / (b * b);
-    return vec3(0.5 * ((east - west) / a * along + (north - south) / b * across), curved);
-}
-
-float laplacian(vec2 p, float width)
-{
-    float a = max(cells.x, width);
-    float around_it = height(p + vec2(a, 0)) + height(p - vec2(a, 0)) + height(p + vec2(0, a)) + height(p - vec2(0, a));
-    return (around_it - 4.0 * height(p)) / (a * a);
+    float rise = height(p + a * along) - height(p - a * along), side = height(p + b * across) - height(p - b * across);
+    return 0.5 * (rise / a * along + side / b * across);
 }
 
 // Slopes of a breath of wind, drawn only: two sheets of one tile drift over one another, the second turned by
@@ -293,7 +290,7 @@ float light_at(vec3 q, float width)
     float bend = 1.4 * sun.w * CURVED * (textureLod(ripples, entry / BREATH + vec2(0.07, 0.03) * absorption.w,
                                                     log2(max(width / TEXEL, 1.0))).b - 0.5);
 #ifdef WAVES
-    bend += laplacian(entry, max(width, MIXED * -q.z));
+    bend += bend_at(entry);
 #endif
     return caustic(max(-q.z, 0.0), bend) * shadow(vec3(entry, 0.0), sun.xyz)
         * shadow(q, normalize(vec3(k * sun.xy, 1.0)));
@@ -321,14 +318,15 @@ vec3 below(vec3 o, vec3 d, float screen, float width, float curved, float lit)
         {
             // a post, a wall, a bank: where the bent ray meets what the straight one sees, by steps along it
             float length_now = distance(origin(at) + screen * direction(at), o);
-            vec3 seen;
+            vec3 seen, shown;
             for (int k = 0; k < 2; ++k) {
                 seen = project(o + length_now * d);
-                vec3 shown = origin(seen.xy) + range(seen.xy) * direction(seen.xy);
+                shown = origin(seen.xy) + range(seen.xy) * direction(seen.xy);
                 length_now = clamp(dot(shown - o, d), 0.0, span);
             }
-            if (screen < AWAY && abs(range(seen.xy) - seen.z) < 0.03 * seen.z && all(greaterThan(seen.xy, vec2(0.0)))
-                && all(lessThan(seen.xy, vec2(1.0)))) {
+            // what lies on the bottom is on its map
+            if (screen < AWAY && abs(range(seen.xy) - seen.z) < 0.03 * seen.z && shown.z > sounding(shown.xy) + 0.03
+                && all(greaterThan(seen.xy, vec2(0.0))) && all(lessThan(seen.xy, vec2(1.0)))) {
                 span = length_now;
                 q = o + span * d;
                 colour = textureLod(picture, seen.xy, 0.0).rgb;
@@ -374,24 +372,25 @@ void main()
     p.z = dips && t < 1e3 ? p.z : 0.0;
     float pixel = 2.0 * up.w * (ahead.w == 1.0 ? 1.0 : t), slant = max(abs(d.z), 0.02);
     float width = pixel * inversesqrt(slant);
-    vec3 slope = vec3(0.0);
+    vec2 slope = wind(p.xy, width);
+    float curved = 0.0;
 #ifdef WAVES
-    slope = slopes(p.xy, p.z, normalize(d.xy + 1e-9), pixel / slant, pixel);
+    slope += slopes(p.xy, normalize(d.xy + 1e-9), pixel / slant, pixel);
+    curved = bend_at(p.xy);
 #endif
-    slope.xy += wind(p.xy, width);
-    vec3 n = normal_of(slope.xy, d), bent = refract(d, n, eye.w > 0.0 ? 1.0 / INDEX : INDEX), back = reflect(d, n);
+    vec3 n = normal_of(slope, d), bent = refract(d, n, eye.w > 0.0 ? 1.0 / INDEX : INDEX), back = reflect(d, n);
     float lit = shadow(p, sun.xyz), part = fresnel(-dot(d, n), eye.w > 0.0 ? 1.0 / INDEX : INDEX);
 #ifdef SUNK
     bent = part < 1.0 ? normalize(vec3(bent.xy, max(bent.z, 0.01))) : vec3(0.0, 0.0, 1.0);
     vec3 through = above(p, bent);
-    vec3 mirrored = below(p, normalize(vec3(back.xy, min(back.z, -0.01))), AWAY, width, slope.z, 1.0);
+    vec3 mirrored = below(p, normalize(vec3(back.xy, min(back.z, -0.01))), AWAY, width, curved, 1.0);
 #else
     float screen = AWAY;
 #ifdef STANDING
     screen = range(at);
     if (screen < t) screen = AWAY;
 #endif
-    vec3 through = below(p, bent, screen, width, slope.z, lit);
+    vec3 through = below(p, bent, screen, width, curved, lit);
     vec3 mirrored = above(p, normalize(vec3(back.xy, max(back.z, 0.01))));
 #endif
     vec3 mixed = (1.0 - part) * through + part * mirrored;
@@ -428,6 +427,15 @@ void main()
 }
 #endif
 
+#ifdef SURE
+layout(location = 0) out vec4 colour;
+
+void main()
+{
+    colour = textureLod(water, at, 0.0);
+}
+#endif
+
 #ifdef COPY
 layout(location = 0) out vec4 colour;
 
@@ -446,6 +454,15 @@ void main()
     float t = AWAY, reach = range(at);
     if (ray.z * eye.w < -1e-6) t = strike(o, ray);
     far = vec4(t > 0.0 && t < reach ? t : -1.0, 0.0, 0.0, 1.0);
+}
+#endif
+
+#ifdef RANGE
+layout(location = 0) out vec4 found;
+
+void main()
+{
+    found = vec4(textureLod(distances, at, 0.0).r, 0.0, 0.0, 1.0);
 }
 #endif
 
