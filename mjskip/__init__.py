@@ -2,8 +2,10 @@
 
 SI units and radians; right-handed, z up, still water at z = 0. Importing loads nothing else: what `__all__`
 names is imported when it is first asked for. It compiles nothing, opens no GL and installs no callback.
+Where Gymnasium is imported already, the names of the environments are registered with it.
 """
 
+import sys
 from importlib import import_module
 from typing import TYPE_CHECKING
 
@@ -62,6 +64,11 @@ _WHERE = {
     "waves.lake": ["Lake"],
 }
 """Where the public names live, by module of this package."""
+
+if (
+    "gymnasium" in sys.modules
+):  # its users expect environments registered by the import of their package
+    import_module("mjskip.envs")
 
 if not TYPE_CHECKING:  # a type checker would take any name for an attribute
 

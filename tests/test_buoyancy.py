@@ -11,8 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mjskip import Stone, Water, attach, wrench
-from mjskip.hydro.wrench import observe, pack, pack_states
+from mjskip.hydro.wrench import pack, wrench_and_immersion
 from mjskip.rigid.attitude import matrices
+from mjskip.rigid.state import pack_states
 
 FLOATING = Water(buoyancy=True, skin_friction=True, gate="local")
 STILL = Water(buoyancy=True)
@@ -48,6 +49,23 @@ def test_water_bears_the_weight_of_what_is_displaced_at_its_centroid(stone, seed
     np.testing.assert_allclose(
         found.torque, np.cross(centroid, lift), atol=1e-9 * scale * stone.radius
     )
+
+
+def test_a_mesh_of_many_groups_is_borne_as_one_of_few():
+    stone = Stone.from_mesh(
+        trimesh.creation.torus(0.08, 0.03, major_sections=48, minor_sections=32)
+    )
+    rng = np.random.default_rng(5)
+    scale = WEIGHT * stone.radius**3
+    for height in np.linspace(-1.1, 1.0, 12) * stone.radius:  # the first by Archimedes' closed form
+        q = rng.normal(size=4)
+        q /= np.linalg.norm(q)
+        found = wrench(stone, STILL, position=[0.3, -0.2, height], q=q)
+        volume, centroid = immersed_solid(stone, np.array([0.3, -0.2, height]), q)
+        lift = np.array([0.0, 0.0, WEIGHT * volume])
+        np.testing.assert_allclose(found.force, lift, atol=1e-9 * scale)
+        torque = np.cross(centroid, lift)
+        np.testing.assert_allclose(found.torque, torque, atol=1e-9 * scale * stone.radius)
 
 
 @given(meshes.map(Stone.from_mesh), st.integers(0, 10**6))
@@ -186,5 +204,5 @@ def test_a_box_set_down_askew_comes_upright_without_yaw():
 def test_buoyancy_and_skin_friction_are_off_unless_asked_for():
     stone, states = Stone.pebble(), np.array([[0.0, 0, -0.001]])
     states = pack_states(states, np.eye(3)[None], np.zeros((1, 3)), np.zeros((1, 3)))
-    assert not observe(pack(stone, Water()), states)[0, :12].any()
-    assert observe(pack(stone, STILL), states)[0, 2] > 0.0
+    assert not wrench_and_immersion(pack(stone, Water()), states)[0, :12].any()
+    assert wrench_and_immersion(pack(stone, STILL), states)[0, 2] > 0.0

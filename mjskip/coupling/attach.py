@@ -26,7 +26,8 @@ from mjskip.coupling.plugin import plugin_water
 from mjskip.errors import DivergedError, MjskipWarning, SceneError
 from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
-from mjskip.hydro.wrench import Wrench, pack, pack_states, wrench_address, wrench_of
+from mjskip.hydro.wrench import Wrench, pack, wrench_address, wrench_of
+from mjskip.rigid.state import pack_states
 
 
 @dataclass(frozen=True, eq=False)

@@ -51,7 +51,7 @@ class Land:
 
 
 def land_of(model: mujoco.MjModel, x: npt.ArrayLike, y: npt.ArrayLike) -> npt.NDArray[np.bool_]:
-    """Cells whose centre lies in the section of a fixed geom with the surface, for `HeightField(land=)`.
+    """Cells whose centre lies in the section of a fixed geom with the surface, for `HeightField(terrain_mask=)`.
 
     Args:
         model: compiled model.

@@ -25,14 +25,14 @@ from mjskip.errors import SceneError
 from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
 from mjskip.throws.arm import Arm
-from mjskip.throws.throw import Throw
+from mjskip.throws.throw import PARAMETERS, Throw
 from mjskip.waves import HeightField
 from mjskip.waves.lake import Lake
 
 PREFIX = "mjskip."
 WATER = {field.name for field in fields(Water)}
 FIELD = {"shape", "spacing", "wave_speed", "damping", "stencil", "boundary", "centre"}
-THROW = {field.name for field in fields(Throw)}
+THROW = set(PARAMETERS)
 TEXTS = {"gate", "law", "stencil", "boundary"}
 SWITCHES = {field.name for field in fields(Water) if field.type in (bool, "bool")} | {"obstacles"}
 DEFAULT_SHAPE = (512, 512)
@@ -97,7 +97,7 @@ class Scene:
         field = HeightField(**self.grid)
         if not self.obstacles:
             return field
-        return HeightField(**self.grid, land=land_of(self.model, field.x, field.y))
+        return HeightField(**self.grid, terrain_mask=land_of(self.model, field.x, field.y))
 
     def lake(self) -> Lake:
         """Fresh two-way water: endless if the scene's boundary absorbs, else inside its walls or periodic.
