@@ -86,7 +86,7 @@ def program(*parts: str, vertex: str = _TILES, source: str | None = None) -> int
     Raises:
         RenderError: the driver refuses it.
     """
-    from OpenGL.GL import shaders
+    from OpenGL.GL import shaders  # type: ignore[import-untyped, unused-ignore]
 
     head = f"#version 330\n#define TILE {TILE}.0\n" + "".join(f"#define {part}\n" for part in parts)
     try:
@@ -151,7 +151,7 @@ class Texture:
         form, part = {
             "RGBA8": (g.GL_RGBA, g.GL_UNSIGNED_BYTE),
             "R32F": (g.GL_RED, g.GL_FLOAT),
-                "DEPTH32F_STENCIL8": (g.GL_DEPTH_STENCIL, g.GL_UNSIGNED_INT_24_8),
+            "DEPTH32F_STENCIL8": (g.GL_DEPTH_STENCIL, g.GL_UNSIGNED_INT_24_8),
         }[kind]
         self.size, self.form, self.part = size, form, part
         self.target = g.GL_TEXTURE_CUBE_MAP if cube else g.GL_TEXTURE_2D
@@ -259,7 +259,9 @@ class WaterPasses:
         self._columns, self._rows = (-(-side // TILE) for side in size)
         self._programs = {}
         for kind in _PROGRAMS:
-            flipped = ["FLIPPED"] if kind.split()[0] in ("PICTURE", "SURE", "COPY", "DISTANCE") else []
+            flipped = (
+                ["FLIPPED"] if kind.split()[0] in ("PICTURE", "SURE", "COPY", "DISTANCE") else []
+            )
             self._programs[kind] = made = program(*kind.split(), *flipped)
             g.glUniform3i(g.glGetUniformLocation(made, "tiles"), *size, self._columns)
         self.model = Target(size, {"picture": "RGBA8"}, depth=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -15,13 +14,7 @@ from mjskip.draw import tiles
 from mjskip.draw.appearance import WaterAppearance
 from mjskip.draw.geoms import SURELY_ABOVE, Ellipsoids, Standing, moving_geoms, outlines, sun_of
 from mjskip.draw.gl import offscreen
-from mjskip.draw.passes import (
-    VIEW_ROWS,
-    WaterPasses,
-    gl,
-    has_shaders,
-    own_state,
-)
+from mjskip.draw.passes import VIEW_ROWS, WaterPasses, gl, has_shaders, own_state
 from mjskip.draw.surface import BLOCK, BORDER, Patch, ShaderSurface, patch_of
 from mjskip.draw.surroundings import Surroundings
 from mjskip.errors import RenderError
@@ -90,15 +83,16 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
             ValueError: the picture is larger than the model's offscreen buffer, or the water is none.
             RenderError: no context can be made here, or it does not know GLSL 3.30.
         """
-        self._gl_context = self._mjr_context = None  # what `close` looks for
+        self._gl_context: Any = None  # both are the base class's, and what `close` looks for
+        self._mjr_context: Any = None
+        self._passes: WaterPasses | None = None
         self.appearance = appearance or WaterAppearance()
         self.linear = linear
-        self._array = {"spacing": spacing, "centre": centre}
+        self._spacing, self._centre = spacing, centre
         self.water = water
-        self._passes: WaterPasses | None = None
         self._surroundings: Surroundings | None = None
         self._time = 0.0
-        patch_of(water, **self._array)
+        self._patch((0.0, 0.0))
         with offscreen():
             super().__init__(model, height, width, max_geom, font_scale)
         with self._current():
@@ -113,14 +107,16 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         self._standing, self._moving = Standing.of(model), moving_geoms(model)
         self._ellipsoids = Ellipsoids.of(model, self._moving)
         self._bodies = np.zeros((0, 16))
+        self._outlines = np.zeros((0, 3)), np.zeros((0, 3))
+        self._usual = True  # the scene holds what the model's geoms say
         self._surface = ShaderSurface()
 
     def close(self) -> None:
         """Give the GL context back."""
-        if getattr(self, "_passes", None) is not None and self._gl_context:
+        if self._passes is not None and self._gl_context:
             with self._current():
                 self._passes.free()
-        self._passes = self._surroundings = None
+        self._passes, self._surroundings = None, None
         super().close()
 
     def update_scene(
@@ -131,14 +127,15 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
     ) -> None:
         """Gather what a camera sees, as `mujoco.Renderer.update_scene`."""
         super().update_scene(data, camera, scene_option)
+        self._usual = scene_option is None
         self._time = float(data.time)
         self._bodies = self._ellipsoids.rows(data)
         low, high = outlines(self._model, data, self._moving)
         self._outlines = (
             np.concatenate([self._standing.low, low]), np.concatenate([self._standing.high, high])
         )  # fmt: skip
-        if self._surroundings is None:
-            self._look_around(data)
+        if self._surroundings is None and self._passes is not None:
+            self._look_around(data, self._passes)
 
     def render(self, *, out: npt.NDArray[Any] | None = None) -> npt.NDArray[Any]:
         """The picture, depth or segmentation, as `mujoco.Renderer.render`.
@@ -147,8 +144,10 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
             RuntimeError: the renderer is closed.
             ValueError: `out` has another shape.
         """
-        if self._passes is None or self._depth_rendering or self._segmentation_rendering:
-            return self._render_ids(out)
+        if self._passes is None:
+            raise RuntimeError("render cannot be called after close.")
+        if self._depth_rendering or self._segmentation_rendering:
+            return self._render_ids(out, self._passes)
         shape = (self._height, self._width, 3)
         if out is not None and out.shape != shape:
             raise ValueError(f"out has shape {out.shape}: give {shape}")
@@ -160,8 +159,8 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
                 mujoco.mjr_render(self._rect, self._scene, self._mjr_context)
             gl().glFlush()  # it draws while the rest is made ready
             with own_state():
-                view, patch = self._see()
-                self._take()
+                view, patch = self._see(self._passes)
+                self._take(self._passes)
                 self._passes.draw(view, self._tiles(view, patch))
                 self._passes.read(image)
         if out is None or out is image:
@@ -169,13 +168,13 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         np.copyto(out, image, casting="unsafe")
         return out
 
-    def _render_ids(self, out: npt.NDArray[Any] | None) -> npt.NDArray[Any]:
+    def _render_ids(self, out: npt.NDArray[Any] | None, passes: WaterPasses) -> npt.NDArray[Any]:
         """Depth and segmentation: MuJoCo's, and the water where it is nearer."""
         found: npt.NDArray[Any] = super().render(out=out)
         with self._current(), own_state():
-            view, _ = self._see()
-            self._take()
-            far = self._passes.distances(view)
+            view, _ = self._see(passes)
+            self._take(passes)
+            far = passes.distances(view)
         if self._depth_rendering:
             np.copyto(found, far, where=far > 0.0, casting="unsafe")
         elif self._segmentation_rendering:
@@ -199,17 +198,19 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         A bottom without end stays, without its texture: what is nowhere else would be filled with sky.
         """
         hidden = []
-        if self._scene.camera[0].pos[2] > SURELY_ABOVE:
-            wide = 0.7 * self._scene.camera[0].frustum_far
-            sunk = self._standing.sunk
-            for geom in self._scene.geoms[: self._scene.ngeom]:
-                if geom.objid in sunk and geom.objtype == mujoco.mjtObj.mjOBJ_GEOM:
-                    hidden.append((geom, geom.type, geom.matid, geom.size.copy()))
-                    if geom.type == mujoco.mjtGeom.mjGEOM_PLANE:
-                        geom.type, geom.matid = mujoco.mjtGeom.mjGEOM_BOX, -1
-                        geom.size[:] = wide, wide, 0.01
-                    else:
-                        geom.type = mujoco.mjtGeom.mjGEOM_LABEL  # which has no body
+        above = self._scene.camera[0].pos[2] > SURELY_ABOVE
+        wide = 0.7 * self._scene.camera[0].frustum_far
+        sunk = self._standing.sunk
+        for geom in self._scene.geoms[: self._scene.ngeom]:
+            if geom.objtype != mujoco.mjtObj.mjOBJ_GEOM:
+                self._usual = False
+            elif above and geom.objid in sunk:
+                hidden.append((geom, geom.type, geom.matid, geom.size.copy()))
+                if geom.type == mujoco.mjtGeom.mjGEOM_PLANE:
+                    geom.type, geom.matid = mujoco.mjtGeom.mjGEOM_BOX, -1
+                    geom.size[:] = wide, wide, 0.01
+                else:
+                    geom.type = mujoco.mjtGeom.mjGEOM_LABEL  # which has no body
         try:
             yield
         finally:
@@ -217,14 +218,16 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
                 geom.type, geom.matid = kind, material
                 geom.size[:] = size
 
-    def _take(self) -> None:
+    def _take(self, passes: WaterPasses) -> None:
         """What MuJoCo drew, for the water's passes."""
         if self._mjr_context.offSamples or self._surroundings is None:
-            self._passes.model.copy_from(self._mjr_context.offFBO)
+            passes.model.copy_from(self._mjr_context.offFBO)
 
     def _tiles(self, view: npt.NDArray[np.float32], patch: Patch) -> dict[str, tiles.Flags]:
         """Which program draws which tile."""
-        size, depth = (self._width, self._height), self._depth
+        size, depth, sunk = (self._width, self._height), self._depth, bool(view[0, 3] < 0.0)
+        if sunk:
+            return tiles.under_water(size)
         eye, sun = (view[k, :3].astype(np.float64) for k in (0, 8))
         water, whole, boxes = tiles.footprints(view, size)
         first = np.array(patch.origin) - (BORDER + 0.5) * patch.spacing
@@ -234,33 +237,42 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         standing, bodies, hidden = (
             tiles.overlap(boxes, others) for others in (self._standing.boxes, images, before)
         )
-        sunk = view[0, 3] < 0.0
-        return tiles.programs(water, waves, standing, bodies, hidden, whole, sunk=sunk)
+        # what else a scene holds, marks of a user for instance, may be anywhere
+        whole &= self._usual and not self._scene.nskin and not self._scene.nflex
+        return tiles.programs(water, waves, standing, bodies, hidden, whole)
 
-    def _look_around(self, data: mujoco.MjData) -> None:
+    def _patch(self, focus: tuple[float, float]) -> Patch:
+        """What is drawn of the water now."""
+        return patch_of(
+            self.water, focus=focus, time=self._time, spacing=self._spacing, centre=self._centre
+        )
+
+    def _look_around(self, data: mujoco.MjData, passes: WaterPasses) -> None:
         """Draw the bottom and the scenery once."""
-        patch = patch_of(self.water, time=self._time, **self._array)
+        patch = self._patch((0.0, 0.0))
         size = patch.spacing * max(patch.elevation.shape)
         known = size > 2.0 * patch.spacing
         reach = 0.5 * size if known else float(self._model.stat.extent)
-        centre = patch.centre if known else tuple(self._model.stat.center[:2].tolist())
+        x, y, _ = self._model.stat.center.tolist()
+        centre = patch.centre if known else (x, y)
         with self._current(), own_state():
             self._surroundings = Surroundings(
-                self._model, data, self._mjr_context, self._passes, centre=centre,
+                self._model, data, self._mjr_context, passes, centre=centre,
                 reach=min(reach + _MARGIN, _FARTHEST),
             )  # fmt: skip
             if self._mjr_context.offSamples == 0:
-                self._passes.adopt(self._mjr_context.offFBO)
+                passes.adopt(self._mjr_context.offFBO)
 
-    def _see(self) -> tuple[npt.NDArray[np.float32], Patch]:
+    def _see(self, passes: WaterPasses) -> tuple[npt.NDArray[np.float32], Patch]:
         """Hand the surface over, and fill in `water.glsl`'s View."""
         view = np.zeros((VIEW_ROWS, 4), np.float32)
         position, ahead = self._camera_rows(view)
         focus = _looked_at(position, ahead)
-        patch = patch_of(self.water, focus=focus, time=self._time, **self._array)
+        patch = self._patch(focus)
         self._surface.fill(patch, blur=0.1 * self._depth)
-        self._passes.put_surface(self._surface)
-        first = np.array(patch.origin) - (BORDER + 0.5) * patch.spacing  # outer edge of the first cell
+        passes.put_surface(self._surface)
+        # outer edge of the first cell
+        first = np.array(patch.origin) - (BORDER + 0.5) * patch.spacing
         for row, values, side in (
             (5, self._surface.heights, patch.spacing),
             (6, self._surface.tallest, BLOCK * patch.spacing),

@@ -109,7 +109,9 @@ def _patch_of_array(
             f"water has shape {heights.shape}: give heights (nx, ny) of at least 2 x 2 cells"
         )
     if spacing is None or not spacing > 0.0:
-        raise ValueError(f"spacing is {spacing!r}: give the side of a cell of the water [m], above 0")
+        raise ValueError(
+            f"spacing is {spacing!r}: give the side of a cell of the water [m], above 0"
+        )
     return Patch(np.asarray(heights, np.float32), float(spacing), centre)
 
 

@@ -13,7 +13,9 @@ from mjskip.draw.passes import VIEW_ROWS, Target, Texture, WaterPasses, gl
 
 Array = npt.NDArray[np.float32]
 
-_ABOVE = 0.25  # [m]: the bottom is drawn from here down, so that banks are on the map and trees are not
+_ABOVE = (
+    0.25  # [m]: the bottom is drawn from here down, so that banks are on the map and trees are not
+)
 _DEEPEST = 30.0  # [m] below that
 _LARGEST = 2048  # texels a side of the map
 _TEXEL = 0.01  # [m] if the map is not too large for that
@@ -144,6 +146,8 @@ class Surroundings:
         mujoco.mjv_updateScene(
             self._model, self._data, mujoco.MjvOption(), None, camera, still, self._scene
         )
+        for light in self._scene.lights[: self._scene.nlight]:
+            light.specular[:] = 0.0  # it belongs to an eye elsewhere
 
     def _render(self, size: tuple[int, int]) -> None:
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)

@@ -21,9 +21,7 @@ _BORDER = 2.0  # pixels: tiles know their neighbours' edges
 _HORIZON = 1e4  # [m]
 
 
-def footprints(
-    view: npt.NDArray[np.float32], size: tuple[int, int]
-) -> tuple[Flags, Flags, Array]:
+def footprints(view: npt.NDArray[np.float32], size: tuple[int, int]) -> tuple[Flags, Flags, Array]:
     """Where tiles are on the water.
 
     Args:
@@ -57,7 +55,12 @@ def overlap(boxes: Array, others: Array) -> Flags:
     if not len(others):
         return np.zeros(boxes.shape[:2], np.bool_)
     a, b = boxes[:, :, None, :], others
-    touch = (a[..., 0] < b[:, 1]) & (a[..., 1] > b[:, 0]) & (a[..., 2] < b[:, 3]) & (a[..., 3] > b[:, 2])
+    touch = (
+        (a[..., 0] < b[:, 1])
+        & (a[..., 1] > b[:, 0])
+        & (a[..., 2] < b[:, 3])
+        & (a[..., 3] > b[:, 2])
+    )
     return np.asarray(touch.any(axis=-1))
 
 
@@ -117,7 +120,9 @@ def around_bodies(eye: Array, sun: Array, bodies: Array, depth: float) -> Array:
         away = np.linalg.norm(toward, axis=1, keepdims=True)
         for rise in (eye[2], eye[2] + below):
             sine = away / np.hypot(away, rise) / 1.333
-            through = place + below * sine / np.sqrt(1.0 - sine**2) * toward / np.maximum(away, 1e-9)
+            through = place + below * sine / np.sqrt(1.0 - sine**2) * toward / np.maximum(
+                away, 1e-9
+            )
             found.append(np.concatenate([through - size, through + size], axis=1)[:, [0, 2, 1, 3]])
     # an image lies between the two angles: one box about both
     pairs = [np.stack(pair) for pair in zip(found[::2], found[1::2], strict=True)]
@@ -138,7 +143,9 @@ def hidden_by(eye: Array, low: Array, high: Array) -> Array:
     for x in (low[:, 0], high[:, 0]):
         for y in (low[:, 1], high[:, 1]):
             for z in (np.zeros(len(low)), high[:, 2]):
-                drop = np.maximum(eye[2] - z, 1e-3 * eye[2])  # what is above the eye hides all beyond
+                drop = np.maximum(
+                    eye[2] - z, 1e-3 * eye[2]
+                )  # what is above the eye hides all beyond
                 stretch = np.minimum(eye[2] / drop, _HORIZON)
                 found.append([eye[0] + (x - eye[0]) * stretch, eye[1] + (y - eye[1]) * stretch])
     places = np.array(found)  # (8, 2, n)
@@ -146,8 +153,19 @@ def hidden_by(eye: Array, low: Array, high: Array) -> Array:
     return np.stack([least[0], most[0], least[1], most[1]], axis=1)
 
 
+def under_water(size: tuple[int, int]) -> dict[str, Flags]:
+    """Tiles of a picture [pixels] by the programs that draw them for an eye under water."""
+    every = np.ones((-(-size[1] // TILE), -(-size[0] // TILE)), np.bool_)
+    return {"LIGHT WAVES BODIES SUNK": every, "PICTURE STANDING SUNK": every}
+
+
 def programs(
-    water: Flags, waves: Flags, standing: Flags, bodies: Flags, hidden: Flags, whole: Flags, *, sunk: bool
+    water: Flags,
+    waves: Flags,
+    standing: Flags,
+    bodies: Flags,
+    hidden: Flags,
+    whole: Flags,
 ) -> dict[str, Flags]:
     """Tiles by the programs that draw them, in the order of drawing.
 
@@ -157,12 +175,8 @@ def programs(
         standing: may hold what stands in the water.
         bodies: may hold images of bodies that move.
         hidden: may hold geoms before the water.
-        whole: no horizon in it.
-        sunk: whether the eye is under water.
+        whole: nothing but water and geoms in it, no horizon.
     """
-    if sunk:
-        everywhere = np.ones_like(water)
-        return {"LIGHT WAVES BODIES SUNK": everywhere, "PICTURE STANDING SUNK": everywhere}
     standing, bodies = water & standing & ~bodies, water & bodies
     plain = water & ~standing & ~bodies
     sure = water & whole & ~standing & ~hidden

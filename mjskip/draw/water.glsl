@@ -224,7 +224,7 @@ vec4 moving(vec3 o, vec3 d, float reach)
     float near;
     for (int k = 0; k < int(around.z); ++k) {
         float t = meet(k, o, d, near);
-        if (near > 1.7) continue;
+        if (near > 3.0) continue; // the corners of a box
         // march through the picture within the sphere about it
         float middle = dot(bodies[4 * k].xyz - o, d), half_length = bodies[4 * k].w;
         float step = half_length / 6.0;
