@@ -303,7 +303,7 @@ def test_without_zarr_one_line_says_what_to_install(tmp_path, monkeypatch):
 def test_bad_arguments_are_refused():
     with pytest.raises(ValueError, match="engine is 'bullet'"):
         sweep(PEBBLE, {"attack": [0.3]}, engine="bullet")
-    with pytest.raises(ValueError, match="sweeps by reference have"):
+    with pytest.raises(ValueError, match="integrator of the reference engine is"):
         sweep(PEBBLE, {"attack": [0.3]}, integrator="adaptive")
     with pytest.raises(ValueError, match="chunk is 0"):
         sweep(PEBBLE, {"attack": [0.3]}, chunk=0)

@@ -8,7 +8,6 @@ Bodies that carry the engine plugin `mjskip.water` have their water from it.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -18,6 +17,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from mjskip._typing import PathLike
+from mjskip.checks import check_path, check_type
 from mjskip.coupling.bodies import body_name, body_stone, find_body, free_bodies
 from mjskip.coupling.plugin import NAME, plugin_water, register_plugin
 from mjskip.coupling.terrain import Land, land_of
@@ -43,7 +44,7 @@ OBSTACLES = "obstacles"
 CONTROL, RELEASE = "control.", "release."
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Scene:
     """A compiled model with its settings.
 
@@ -72,6 +73,9 @@ class Scene:
     plugged: Mapping[str, Water]
     arm: Arm
     held: frozenset[str]
+
+    def __repr__(self) -> str:
+        return f"Scene({self.path.name}, body={self.body!r}, {len(self.throws)} free bodies)"
 
     @property
     def throw(self) -> Throw:
@@ -156,7 +160,7 @@ def shipped_scenes() -> dict[str, Path]:
     return {}
 
 
-def load_scene(path: str | os.PathLike[str] = "lake", *, body: str | None = None) -> Scene:
+def load_scene(path: PathLike = "lake", *, body: str | None = None) -> Scene:
     """Load a scene from an MJCF file, or by the name of a shipped one.
 
     Args:
@@ -169,6 +173,8 @@ def load_scene(path: str | os.PathLike[str] = "lake", *, body: str | None = None
         MeshError: a stone's mesh is not closed.
     """
     file = _find(path)
+    if body is not None:
+        check_type("body", body, str, "give the name of a free body")
     try:
         model = _compile(file)
     except ValueError as error:
@@ -239,8 +245,8 @@ def _with_prefix(settings: Mapping[str, Any], prefix: str) -> dict[str, Any]:
     return {k.removeprefix(prefix): v for k, v in settings.items() if k.startswith(prefix)}
 
 
-def _find(path: str | os.PathLike[str]) -> Path:
-    file = Path(path)
+def _find(path: PathLike) -> Path:
+    file = check_path("scene", path)
     if file.is_file():
         return file
     shipped = shipped_scenes()
