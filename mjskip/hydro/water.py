@@ -1,5 +1,7 @@
 """The fluid: constants that travel together in one frozen object."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -39,6 +41,24 @@ class Water:
     buoyancy: bool = False
     skin_friction: bool = False
     viscosity: float = 1.0e-6
+
+    @classmethod
+    def floating(
+        cls,
+        *,
+        density: float = 1000.0,
+        air_density: float = 1.2,
+        gate: Gate = "local",
+        law: str = "lee2010",
+        buoyancy: bool = True,
+        skin_friction: bool = True,
+        viscosity: float = 1.0e-6,
+    ) -> Water:
+        """Water for what floats: it bears, it rubs, and it never gives energy (gate "local")."""
+        return cls(
+            density=density, air_density=air_density, gate=gate, law=law, buoyancy=buoyancy,
+            skin_friction=skin_friction, viscosity=viscosity,
+        )  # fmt: skip
 
     def __post_init__(self) -> None:
         for name in ("density", "air_density", "viscosity"):

@@ -19,9 +19,11 @@ import numpy as np
 
 from mjskip._typing import PathLike
 from mjskip.checks import check_path, check_type
-from mjskip.coupling.bodies import body_name, body_stone, find_body, free_bodies
-from mjskip.coupling.plugin import NAME, plugin_water, register_plugin
+from mjskip.coupling.bodies import body_name, find_body, free_bodies
+from mjskip.coupling.loading import load_model
+from mjskip.coupling.plugin import NAME, plugin_options, plugin_water
 from mjskip.coupling.terrain import Land, land_of
+from mjskip.coupling.wet import THROWN, body_stone
 from mjskip.errors import SceneError
 from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
@@ -85,7 +87,12 @@ class Scene:
     @cached_property
     def stones(self) -> Mapping[str, Stone]:
         """Every free body as a stone, by name."""
-        return {name: body_stone(self.model, find_body(self.model, name)) for name in self.throws}
+        found = {}
+        for name in self.throws:
+            body = find_body(self.model, name)
+            options = plugin_options(self.model, body) if name in self.plugged else THROWN
+            found[name] = body_stone(self.model, body, options)
+        return found
 
     @property
     def stone(self) -> Stone:
@@ -175,11 +182,7 @@ def load_scene(path: PathLike = "lake", *, body: str | None = None) -> Scene:
     file = _find(path)
     if body is not None:
         check_type("body", body, str, "give the name of a free body")
-    try:
-        model = _compile(file)
-    except ValueError as error:
-        reason = " ".join(str(error).split())
-        raise SceneError(f"{file} does not compile as MJCF: {reason}") from error
+    model = load_model(file)
     names = [body_name(model, b) for b in free_bodies(model)]
     if not names:
         raise SceneError(f"{file} has no free body: give the stone a <freejoint/>")
@@ -215,17 +218,6 @@ def load_scene(path: PathLike = "lake", *, body: str | None = None) -> Scene:
         raise SceneError(f"{file}: {error}") from error
     _ = scene.stones  # refuse open meshes here rather than in the middle of a run
     return scene
-
-
-def _compile(file: Path) -> mujoco.MjModel:
-    """The model; the engine plugin is registered if it turns out to be needed."""
-    try:
-        return mujoco.MjModel.from_xml_path(str(file))
-    except ValueError as error:
-        if f"plugin {NAME} not found" not in str(error):
-            raise
-    register_plugin()
-    return mujoco.MjModel.from_xml_path(str(file))
 
 
 def _plugged(model: mujoco.MjModel, file: Path, names: list[str]) -> dict[str, Water]:
