@@ -16,8 +16,8 @@ from mjskip._compile.pointers import F8P, address_of_cfunc
 from mjskip.hydro import _block as layout
 from mjskip.hydro import _wrench_kernels as kernels
 from mjskip.hydro.columns import LOAD, load_columns
+from mjskip.hydro.hull import Hull
 from mjskip.hydro.laws import LAWS
-from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
 from mjskip.rigid.attitude import matrices
 from mjskip.rigid.state import pack_states
@@ -49,7 +49,7 @@ class Wrench:
 
 
 def wrench(
-    stone: Stone,
+    stone: Hull,
     water: Water | None = None,
     *,
     position: npt.ArrayLike,
@@ -91,7 +91,7 @@ def wrench_of(block: Array, states: Array) -> Wrench:
     return Wrench(**row)
 
 
-def pack(stone: Stone, water: Water, *, gravity: float = 9.81) -> Array:
+def pack(stone: Hull, water: Water, *, gravity: float = 9.81) -> Array:
     """The block of doubles that the kernels know a stone in its water by; gravity [m/s^2] for buoyancy."""
     law = LAWS[water.law]
     header = np.zeros(layout.HEADER)
