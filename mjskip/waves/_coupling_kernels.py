@@ -26,7 +26,7 @@ from typing import Any
 from mjskip._compile.jit import kernel
 from mjskip.hydro import _block as hydro
 from mjskip.hydro._clip_kernels import immersed_part
-from mjskip.hydro._wrench_kernels import pressure_centre
+from mjskip.hydro._strip_kernels import pressure_centre
 from mjskip.rigid import _rigid_kernels as rigid
 
 POINT_X, POINT_Y = 0, 1  # where the load acts, world [m]
@@ -117,9 +117,7 @@ def find_faces(
             depth = -(z + ux * x + uy * y + uz * h)
             if highest > 0.0:
                 depth += _level_under(state, frame, level, x, y, h)
-            x, y, h = pressure_centre(
-                x, y, h, nx, ny, nz, bx, by, bz, ux, uy, uz, depth, block[hydro.RADIUS]
-            )
+            x, y, h = pressure_centre(block, k, x, y, h, nx, ny, nz, bx, by, bz, ux, uy, uz, depth)
         face = faces[count]
         for axis in range(3):
             face[ARM + axis] = (
