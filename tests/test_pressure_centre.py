@@ -182,8 +182,7 @@ def strips_by_shapely(stone, water, position, q, velocity, omega):
                         r = x * t + y * s + d * n
                         v = n @ (velocity + np.cross(omega, r))
                         p = law.normal_squared * v * v + law.speed_normal * speed * v
-                        if v > 0.0:
-                            p += law.cavity * speed**2 * math.pi * v / (4.0 * speed + math.pi * v)
+                        p += law.cavity * speed**2 * math.pi * v / (4.0 * speed + math.pi * abs(v))
                         area = 0.25 * wx * (x1 - x0) * wy * (high - low) / (1.0 - share)
                         push = -water.density * p * area * n
                         force += push

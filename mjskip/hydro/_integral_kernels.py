@@ -2,10 +2,11 @@
 
 In the plane of a face (x, y) the normal speed is linear, v = v_0 + g_x x + g_y y, so that
 
-    integral of (a v^2 + b U v + c U^2 + e U^2 pi v / (4 U + pi v)) {1, x, y} dA
+    integral of (a v^2 + b U v + c U^2 + e U^2 pi v / (4 U + pi |v|)) {1, x, y} dA
 
-has a closed form over a triangle. The last term, a plate with a cavity behind it (Rayleigh 1876), is there only
-where v > 0; by the gate `local` all are, and the polygon is cut along v = 0.
+has a closed form over a triangle. The last term, a plate with a cavity behind it (Rayleigh 1876), is taken odd in
+v: where a part of a loaded face recedes, as in the linear law. By the gate `local` only what advances is loaded,
+and the polygon is cut along v = 0.
 
 Polygons are rows of POINT doubles: x, y and what is linear over them.
 """
@@ -83,13 +84,30 @@ def add_polygon(
         found: INTEGRALS that are added to.
     """
     cut = as_doubles(stack_doubles(POINT * MOST_POINTS))
-    if block[LOCAL_GATE] != 0.0 or block[CAVITY] != 0.0:
-        for i in range(count):
-            points[POINT * i + 2] = -points[POINT * i + 2]
-        count = clip(points, count, cut)
-        for i in range(count):
-            cut[POINT * i + 2] = -cut[POINT * i + 2]
-        points = cut
+    if block[LOCAL_GATE] == 0.0 and block[CAVITY] == 0.0:
+        _add_fan(block, speed, points, count, weight, found)
+        return
+    if block[LOCAL_GATE] == 0.0:  # a cavity's load is odd in v, each side smooth
+        _add_fan(block, speed, cut, _below(points, count, cut), -weight, found)
+    for i in range(count):
+        points[POINT * i + 2] = -points[POINT * i + 2]
+    _add_fan(block, speed, cut, _below(points, count, cut), weight, found)
+
+
+@kernel
+def _below(points: Any, count: int, kept: Any) -> int:
+    """The part of a polygon where v < 0, with |v| for v; how many points it has."""
+    count = clip(points, count, kept)
+    for i in range(count):
+        kept[POINT * i + 2] = -kept[POINT * i + 2]
+    return count
+
+
+@kernel
+def _add_fan(
+    block: Any, speed: float, points: Any, count: int, weight: float, found: Any
+) -> None:
+    """Add the integrals over a convex polygon, as triangles from its first point."""
     for i in range(2, count):
         _add_triangle(
             block, speed, weight,

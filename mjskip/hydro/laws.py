@@ -2,14 +2,15 @@
 
 Every law of the literature on skipping stones is one formula with other coefficients,
 
-    F = -rho S [ (a (V.n)^2 + b U (V.n) + c U^2 + e U^2 pi (V.n) / (4 U + pi (V.n))) n + d U^2 t ]
+    F = -rho S [ (a (V.n)^2 + b U (V.n) + c U^2 + e U^2 pi (V.n) / (4 U + pi |V.n|)) n + d U^2 t ]
 
 S immersed area of the face, n its outward normal, V its velocity through the water at the centroid of
 the immersed part, U the speed of the stone's centre of mass, t the unit vector of the motion of the
 centre of mass along the face. U and t belong to the stone, not to the face: the rim of a spinning disc
 is fast in its own plane, and neither lift nor friction of these laws was measured on that motion.
 
-The term e is the flow past a plate with a cavity behind it (Kirchhoff, Rayleigh), there only where V.n > 0.
+The term e is the flow past a plate with a cavity behind it (Kirchhoff, Rayleigh); it stands alone in a law, and
+where a part of a loaded face recedes it is odd in V.n, as the linear term is.
 The literature lets F act at the centroid of the immersed part. Water under a plate presses most near its front;
 `forward` moves F to the pressure centre of Rayleigh (1876), see docs/validation.md: then plane faces are taken as
 strips along the motion (`mjskip.hydro._strip_kernels`) and F is integrated over them.
