@@ -104,9 +104,7 @@ def _below(points: Any, count: int, kept: Any) -> int:
 
 
 @kernel
-def _add_fan(
-    block: Any, speed: float, points: Any, count: int, weight: float, found: Any
-) -> None:
+def _add_fan(block: Any, speed: float, points: Any, count: int, weight: float, found: Any) -> None:
     """Add the integrals over a convex polygon, as triangles from its first point."""
     for i in range(2, count):
         _add_triangle(

@@ -9,12 +9,12 @@ from scipy.sparse.csgraph import connected_components
 
 from mjskip._typing import Array
 from mjskip.hydro import _block as layout
+from mjskip.hydro.hull import Hull
 from mjskip.hydro.laws import LAWS
-from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
 
 
-def pack(stone: Stone, water: Water, *, gravity: float = 9.81) -> Array:
+def pack(stone: Hull, water: Water, *, gravity: float = 9.81) -> Array:
     """The block of doubles that the kernels know a stone in its water by; gravity [m/s^2] for buoyancy."""
     law = LAWS[water.law]
     header = np.zeros(layout.HEADER)

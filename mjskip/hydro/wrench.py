@@ -15,8 +15,8 @@ from mjskip._compile.jit import native
 from mjskip._compile.pointers import F8P, address_of_cfunc
 from mjskip.hydro import _wrench_kernels as kernels
 from mjskip.hydro.columns import LOAD, load_columns
+from mjskip.hydro.hull import Hull
 from mjskip.hydro.packing import pack as pack
-from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
 from mjskip.rigid.attitude import matrices
 from mjskip.rigid.state import pack_states
@@ -48,7 +48,7 @@ class Wrench:
 
 
 def wrench(
-    stone: Stone,
+    stone: Hull,
     water: Water | None = None,
     *,
     position: npt.ArrayLike,
