@@ -145,14 +145,18 @@ def test_two_spheres_feel_each_other_as_in_capytaine():
     mesh = trimesh.creation.icosphere(2)
     mesh.apply_scale(hulls.RADIUS * (4.0 / 3.0 * np.pi / mesh.volume) ** (1.0 / 3.0))
     pair = [
-        wetted_hull(mesh.triangles + [side * hulls.APART / 2, 0.0, 0.0], height=0.0, panels=100)
+        wetted_hull(
+            mesh.triangles + np.array([side * hulls.APART / 2, 0.0, 0.0]), height=0.0, panels=100
+        )
         for side in (-1.0, 1.0)
     ]
     ours = coefficients([body(pair[0]), body(pair[1])], known["omega"], density=RHO)
     k = [0, 2, 6, 8]
     for name in ("added_mass", "radiation_damping"):
         mine, theirs = ours[name].values[:, k][:, :, k], np.array(known[name])
-        scale = np.sqrt(np.einsum("wi,wj->wij", *[np.diagonal(np.abs(theirs), axis1=1, axis2=2)] * 2))
+        scale = np.sqrt(
+            np.einsum("wi,wj->wij", *[np.diagonal(np.abs(theirs), axis1=1, axis2=2)] * 2)
+        )
         assert (np.abs(mine.swapaxes(1, 2) - theirs) <= 0.1 * scale.max(axis=0)).all(), name
 
 
@@ -206,7 +210,8 @@ def test_a_hump_of_water_spreads_as_cauchy_and_poisson_have_it():
     for time in (0.0, 0.4, 1.5, 6.0):
         turned = start * np.exp(-1j * modes.frequencies[modes.ring] * time)
         exact = width**2 * np.trapezoid(
-            real_k * np.exp(-0.5 * (real_k * width) ** 2) * np.cos(np.sqrt(G * real_k) * time), real_k
+            real_k * np.exp(-0.5 * (real_k * width) ** 2) * np.cos(np.sqrt(G * real_k) * time),
+            real_k,
         )
         assert modes.elevation(turned, [[0.0, 0.0]])[0] == pytest.approx(exact, abs=8e-3)
 
@@ -222,7 +227,10 @@ def test_tables_in_time_have_the_coefficients_of_the_frequency_domain(make, tole
     for i in (2, 4) if make is ship else (0, 2):
         np.testing.assert_allclose(added[:, i, i], known.added_mass.values[:, i, i], rtol=tolerance)
         scale = known.radiation_damping.values[:, i, i].max()
-        assert np.abs(damping[:, i, i] - known.radiation_damping.values[:, i, i]).max() < tolerance * scale
+        assert (
+            np.abs(damping[:, i, i] - known.radiation_damping.values[:, i, i]).max()
+            < tolerance * scale
+        )
 
 
 def test_known_waves_turn_with_the_body():
@@ -238,5 +246,5 @@ def test_known_waves_turn_with_the_body():
 
 
 def test_bad_frequencies_are_refused_in_one_line():
-    with pytest.raises(ValueError, match="omega is .*: give finite angular frequencies above 0"):
+    with pytest.raises(ValueError, match=r"omega is .*: give finite angular frequencies above 0"):
         coefficients([body(sphere(2))], [0.0])

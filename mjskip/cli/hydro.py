@@ -8,20 +8,16 @@ from pathlib import Path
 from typing import Any
 
 import click
-import mujoco
 import numpy as np
 import xarray
 from rich.console import Console
 from rich.table import Table
 
-from mjskip.coupling.attach import Coupling
 from mjskip.coupling.floating import floating_bodies
 from mjskip.coupling.loading import load_model
-from mjskip.coupling.wet import HullOptions
 from mjskip.files import check_target
 from mjskip.hydro.decay import decays, natural_periods
 from mjskip.hydro.response import DOFS, coefficients, response_amplitudes
-from mjskip.hydro.water import Water
 from mjskip.throws.scene import shipped_scenes
 
 out = Console(highlight=False)
@@ -117,7 +113,11 @@ def analysed(
     gravity = float(-model.opt.gravity[2])
     bodies = floating_bodies(model, density=density)
     if omega is None:
-        rough = natural_periods(coefficients(bodies, _span(bodies, gravity), density=density, gravity=gravity, depth=depth))
+        rough = natural_periods(
+            coefficients(
+                bodies, _span(bodies, gravity), density=density, gravity=gravity, depth=depth
+            )
+        )
         known = rough.values[np.isfinite(rough.values)]
         fastest, slowest = (known.min(), known.max()) if len(known) else (1.0, 4.0)
         omega = 0.35 * 2.0 * math.pi / slowest, 2.2 * 2.0 * math.pi / fastest, COUNT
@@ -147,8 +147,10 @@ def report(data: xarray.Dataset) -> dict[str, Any]:
     """What `--json` prints."""
 
     def plain(values: Any) -> Any:
-        array = np.asarray(values)
-        return np.where(np.isfinite(array), array, None).tolist() if array.dtype.kind == "f" else array.tolist()
+        array = np.asarray(values, dtype=object)
+        return np.where(
+            np.isfinite(np.asarray(values, dtype=float)), array, np.array(None)
+        ).tolist()
 
     names = (
         "added_mass", "radiation_damping", "infinite_added_mass", "inertia_matrix", "hydrostatic_stiffness",
@@ -186,7 +188,11 @@ def _print(data: xarray.Dataset) -> None:
         for k, dof in enumerate(DOFS):
             row = 6 * n + k
             period = float(data.natural_period.values[row])
-            at = int(np.argmin(np.abs(data.omega.values - 2.0 * math.pi / period))) if math.isfinite(period) else len(data.omega) // 2
+            at = (
+                int(np.argmin(np.abs(data.omega.values - 2.0 * math.pi / period)))
+                if math.isfinite(period)
+                else len(data.omega) // 2
+            )
             responses = np.abs(data.rao.values[:, :, row])
             unit = "m/m" if k < 3 else "rad/m"
             table.add_row(
@@ -196,11 +202,6 @@ def _print(data: xarray.Dataset) -> None:
                 f"{float(data.radiation_damping.values[at, row, row]):.4g}",
                 f"{float(data.omega.values[at]):.3g}",
                 f"{period:.4g}" if math.isfinite(period) else "none",
-                f"{responses.max():.3g} {unit}" if k in (0, 1, 2, 3, 4) else f"{responses.max():.3g} {unit}",
+                f"{responses.max():.3g} {unit}",
             )
         out.print(table)
-
-
-__all__ = ["analysed", "hydro"]
-
-_ = (mujoco, Coupling, HullOptions, Water)

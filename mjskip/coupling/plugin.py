@@ -47,10 +47,18 @@ from mjskip.coupling import _plugin_kernels as kernels
 from mjskip.coupling import _record_kernels as loads
 from mjskip.coupling import _struct_layout as _layout
 from mjskip.coupling._struct_layout import library
-from mjskip.coupling.bodies import SOLIDS, body_name, geom_name, kind_name, pose_in
+from mjskip.coupling.bodies import SOLIDS, body_geoms, body_name, geom_name, kind_name, pose_in
 from mjskip.coupling.records import doubts, make_record, too_large_step
-from mjskip.coupling.sea import FloatingHull, SeaSurface, ask_plugin, compiled, finer, surface_of
-from mjskip.coupling.selection import GeomRule, WetBody, geom_rule, wet_body
+from mjskip.coupling.sea import (
+    FloatingHull,
+    SeaSurface,
+    ask_plugin,
+    compiled,
+    finer,
+    most_state,
+    surface_of,
+)
+from mjskip.coupling.selection import GeomRule, WetBody, geom_rule, members_of, wet_body
 from mjskip.coupling.wet import BuiltHull, HullOptions, hull_of, inertia_of
 from mjskip.errors import MjskipError, MjskipWarning, SceneError
 from mjskip.hydro.seas import Sea
@@ -282,8 +290,10 @@ def _answer(model: int, address: int, _unused: int) -> None:
             _say_too_large_step(view, body, key)
             return
         told = _configured(view, instance)
+        if told.water.radiation:
+            _link_sea()
         if what == kernels.SEA_SIZE:
-            request[kernels.ANSWER] = _sea_of(view, instance)[1].state_size
+            request[kernels.ANSWER] = _sea_size(view, instance)
         elif what == kernels.CONFIGURATION:
             _check_sensors(view, instance)
         elif what == kernels.DOUBTS:
@@ -322,9 +332,6 @@ def _find_record(view: Any, body: int, told: _Told, key: int, what: int) -> int:
 
 def _sea_of(view: Any, instance: int) -> tuple[int, SeaSurface]:
     """The surface of an instance whose bodies radiate, and its hash."""
-    root, addresses = kernels.root, compiled()
-    root[kernels.SEA_ACT], root[kernels.SEA_ADVANCE] = addresses["act"], addresses["advance"]
-    root[kernels.SEA_SENSE] = addresses["sense"]
     told = _configured(view, instance)
     options = finer(told.options)
     found = []
@@ -359,6 +366,26 @@ def _sea_of(view: Any, instance: int) -> tuple[int, SeaSurface]:
 
 
 ask_plugin[:] = [_sea_of]
+
+
+def _link_sea() -> None:
+    """Let the plugin call what acts on bodies that radiate; compiles it on first use."""
+    root, addresses = kernels.root, compiled()
+    root[kernels.SEA_ACT], root[kernels.SEA_ADVANCE] = addresses["act"], addresses["advance"]
+    root[kernels.SEA_SENSE] = addresses["sense"]
+
+
+def _sea_size(view: Any, instance: int) -> int:
+    """Numbers of an instance's state. MuJoCo asks before it has copied its meshes: then there is room for most."""
+    bodies = [b for b in range(1, int(view.nbody)) if int(view.body_plugin[b]) == instance]
+    if any(
+        int(view.geom_dataid[geom]) >= 0
+        for body in bodies
+        for member in members_of(view, body)
+        for geom in body_geoms(view, member)
+    ):
+        return most_state(len(bodies))
+    return _sea_of(view, instance)[1].state_size
 
 
 def plugin_surface(model: mujoco.MjModel, instance: int | None = None) -> SeaSurface:

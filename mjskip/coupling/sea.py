@@ -37,8 +37,26 @@ from mjskip.hydro.wrench import pack, wrench_address
 
 _lock = threading.RLock()
 
-RESOLUTION = 24
+NEUTRAL = 0.02
+"""Share of a body's displacement within which its weight leaves it where it is put."""
+RESOLUTION = 48
 """Segments around a round geom that radiates, at least: its waterplane changes with draft."""
+
+
+MOST_WAVES, MOST_READINGS = 1500, 300
+"""Plane waves of a surface with one body, half as many more with each other, and readings of a body, at most: a model's
+meshes are not known yet when MuJoCo wants to know the size of the state."""
+
+
+def most_state(bodies: int) -> int:
+    """Numbers of a state, at most."""
+    own = afloat_kernels.STATE + bodies * (kernels.OWN + MOST_READINGS)
+    return own + 2 * most_waves(bodies)
+
+
+def most_waves(bodies: int) -> int:
+    """Plane waves of a surface, at most."""
+    return MOST_WAVES + (MOST_WAVES // 2) * (bodies - 1)
 
 
 def finer(options: HullOptions) -> HullOptions:
@@ -293,6 +311,8 @@ def prepared(
         sea,
         density=water.density,
         timestep=timestep,
+        most_waves=most_waves(len(bodies)),
+        most_readings=MOST_READINGS,
     )
     dragged = replace(water, buoyancy=False, radiation=False)
     blocks = [pack(one.hull, dragged, gravity=sea.gravity) for one in bodies]
@@ -332,7 +352,10 @@ def prepared(
 
 
 def _rest_of(one: FloatingHull, water: Water) -> RestPose:
-    """How a body floats; where the model has it if it sinks."""
+    """How a body floats; where the model has it if it sinks, or is as heavy as its water."""
+    here = RestPose.of(one.rotation, float(one.place[2]))
+    if abs(one.carried / (water.density * one.hull.volume) - 1.0) < NEUTRAL:
+        return here
     try:
         found = float_at_rest(
             one.hull.triangles, mass=one.carried, density=water.density, rotation=one.rotation
@@ -344,7 +367,7 @@ def _rest_of(one: FloatingHull, water: Water) -> RestPose:
             MjskipWarning,
             stacklevel=2,
         )
-        return RestPose.of(one.rotation, float(one.place[2]))
+        return here
     return RestPose.of(found.rotation, found.centre_of_mass)
 
 

@@ -186,6 +186,8 @@ def prepare(
     *,
     density: float,
     timestep: float,
+    most_waves: int,
+    most_readings: int,
 ) -> tuple[SurfaceModes, Afloat, list[Afloat], list[RadiationTable]]:
     """Everything for bodies that share a surface.
 
@@ -196,14 +198,20 @@ def prepare(
         sea: waves, current, depth and gravity.
         density: of the water [kg/m^3].
         timestep: of the simulation [s].
+        most_waves: plane waves, at most; the shortest are left out, and follow the hulls at once.
+        most_readings: patterns of flow and of the lid of one body, at most; the weakest are left out.
     """
     hulls = [hull_at_rest(t, rest) for t, rest in zip(surfaces, rests, strict=True)]
     away = np.linalg.norm(places - places.mean(axis=0), axis=1)
     reach = max(hull.radius + a for hull, a in zip(hulls, away, strict=True))
     if len(hulls) > 1:
         reach *= DRIFT_ROOM
-    modes = body_modes(tuple(hulls), reach=reach, depth=sea.depth, gravity=sea.gravity)
-    tables = [radiation_table(hull, modes, density=density) for hull in hulls]
+    modes = body_modes(
+        tuple(hulls), reach=reach, depth=sea.depth, gravity=sea.gravity, most=most_waves
+    )
+    tables = [
+        radiation_table(hull, modes, density=density, most=most_readings // 2) for hull in hulls
+    ]
     bodies = [
         pack_body(table, t, rest, sea)
         for table, t, rest in zip(tables, surfaces, rests, strict=True)

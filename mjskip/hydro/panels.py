@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -37,10 +37,12 @@ class WettedHull:
     Attributes:
         triangles: corners (n, 3, 3) [m], counter-clockwise seen from the water.
         height: of the centre of mass above still water [m].
+        centre: x and y of the centre of mass (2,) [m]; the origin unless several bodies share a frame.
     """
 
     triangles: Array
     height: float
+    centre: Array = field(default_factory=lambda: np.zeros(2))
 
     @cached_property
     def centres(self) -> Array:
@@ -74,7 +76,7 @@ class WettedHull:
 
         Rotations are about the centre of mass.
         """
-        arm = self.centres - [0.0, 0.0, self.height]
+        arm = self.centres - [*self.centre, self.height]
         return np.hstack([self.normals, np.cross(arm, self.normals)])
 
     @cached_property
@@ -85,12 +87,12 @@ class WettedHull:
     @cached_property
     def radius(self) -> float:
         """Largest horizontal distance of a wetted point from the centre of mass [m]."""
-        return float(np.linalg.norm(self.triangles[..., :2], axis=-1).max())
+        return float(np.linalg.norm(self.triangles[..., :2] - self.centre, axis=-1).max())
 
     def moments(self) -> tuple[float, Array, Array]:
-        """Waterplane area [m^2], its first (2,) [m^3] and second (2, 2) [m^4] moments about the origin."""
+        """Waterplane area [m^2], its first (2,) [m^3] and second (2, 2) [m^4] moments about the centre."""
         down = -self.area_vectors[:, 2] / 3.0
-        xy = self.points[..., :2]
+        xy = self.points[..., :2] - self.centre
         return (
             float(3.0 * down.sum()),
             np.asarray(np.einsum("n,pnx->x", down, xy)),

@@ -39,15 +39,23 @@ def body_modes(
     reach: float | None = None,
     depth: float = math.inf,
     gravity: float = 9.81,
+    most: float = math.inf,
 ) -> SurfaceModes:
-    """Modes for hulls that stay within `reach` of the origin [m]; by default the largest hull's radius."""
+    """Modes for hulls that stay within `reach` of the origin [m]; by default the largest hull's radius.
+
+    There are at most `most` plane waves: of more, the shortest are left out.
+    """
     cutoff = max(shortest_wave(hull) for hull in hulls)
-    return surface_modes(
-        shortest=2.0 * math.pi / cutoff,
-        reach=reach or max(hull.radius for hull in hulls),
-        depth=depth,
-        gravity=gravity,
-    )
+    while True:
+        modes = surface_modes(
+            shortest=2.0 * math.pi / cutoff,
+            reach=reach or max(hull.radius for hull in hulls),
+            depth=depth,
+            gravity=gravity,
+        )
+        if modes.size <= most:
+            return modes
+        cutoff *= 0.9
 
 
 def shortest_wave(hull: WettedHull) -> float:
@@ -102,9 +110,9 @@ class RadiationTable:
 
 
 def radiation_table(
-    hull: WettedHull, modes: SurfaceModes, *, density: float = 1000.0
+    hull: WettedHull, modes: SurfaceModes, *, density: float = 1000.0, most: int | None = None
 ) -> RadiationTable:
-    """Prepare a hull for the modes of a surface; some tenths of a second."""
+    """Prepare a hull for the modes of a surface, with at most `most` patterns; some tenths of a second."""
     influence = _with_short_waves(hull_influence(hull, depth=modes.depth), modes)
     gravity = modes.gravity
     inverse = np.linalg.inv(influence.velocity)
@@ -139,8 +147,8 @@ def radiation_table(
             for w, n, m in zip(weight, modes.angles, (len(x.T) for x in insides), strict=True)
         ],
         hull.areas,
-    )
-    lids = _patterns(insides, [1.0] * len(insides), np.abs(lid_areas))
+    )[:, :most]
+    lids = _patterns(insides, [1.0] * len(insides), np.abs(lid_areas))[:, :most]
     project = np.linalg.pinv(patterns)
     rows, columns = [], []
     moved = inverse @ influence.motions
@@ -236,13 +244,13 @@ def _real_rows(table: Complex, order: int, *, imaginary: bool) -> Array:
     """Rows that give the real (or imaginary) part of sum_n c_n table(theta_n) from harmonics."""
     parts = np.concatenate(_harmonics(table, order), axis=1)
     pair = (parts.imag, parts.real) if imaginary else (parts.real, -parts.imag)
-    return np.stack(pair, axis=2).reshape(len(table), -1)
+    return np.stack(pair, axis=2).reshape(len(table), 2 * (2 * order + 1))
 
 
 def _real_columns(table: Complex, order: int) -> Array:
     """Harmonics, as real numbers, of a table (rows, n) over equal directions."""
     parts = np.concatenate(_harmonics(table, order), axis=1)
-    return np.stack([parts.real, parts.imag], axis=2).reshape(len(table), -1)
+    return np.stack([parts.real, parts.imag], axis=2).reshape(len(table), 2 * (2 * order + 1))
 
 
 def table_coefficients(table: RadiationTable, omega: npt.ArrayLike) -> tuple[Array, Array]:

@@ -31,13 +31,19 @@ def solved(bodies: list[Any], omega: list[float], dofs: list[str], *, depth: flo
     for w in omega:
         for dof in dofs:
             problems.append(
-                cpt.RadiationProblem(body=whole, radiating_dof=dof, omega=w, water_depth=depth, rho=RHO, g=G)
+                cpt.RadiationProblem(
+                    body=whole, radiating_dof=dof, omega=w, water_depth=depth, rho=RHO, g=G
+                )
             )
         problems.append(
-            cpt.DiffractionProblem(body=whole, wave_direction=0.0, omega=w, water_depth=depth, rho=RHO, g=G)
+            cpt.DiffractionProblem(
+                body=whole, wave_direction=0.0, omega=w, water_depth=depth, rho=RHO, g=G
+            )
         )
     problems += [
-        cpt.RadiationProblem(body=whole, radiating_dof=dof, omega=np.inf, water_depth=depth, rho=RHO, g=G)
+        cpt.RadiationProblem(
+            body=whole, radiating_dof=dof, omega=np.inf, water_depth=depth, rho=RHO, g=G
+        )
         for dof in dofs
     ]
     results = cpt.BEMSolver().solve_all(problems, progress_bar=False)
@@ -67,7 +73,9 @@ def table(data: Any, dofs: list[str]) -> dict[str, Any]:
     return {
         "omega": finite.omega.values.tolist(),
         "dofs": dofs,
-        "added_mass": finite.added_mass.sel(pick).transpose("omega", "influenced_dof", "radiating_dof").values.tolist(),
+        "added_mass": finite.added_mass.sel(pick)
+        .transpose("omega", "influenced_dof", "radiating_dof")
+        .values.tolist(),
         "radiation_damping": finite.radiation_damping.sel(pick)
         .transpose("omega", "influenced_dof", "radiating_dof")
         .values.tolist(),
@@ -83,12 +91,17 @@ def converged(meshes: list[Any], height: float, dofs: list[str]) -> list[float]:
     rows = []
     for mesh in meshes:
         body = cpt.FloatingBody(
-            mesh=mesh.immersed_part(), dofs=cpt.rigid_body_dofs(rotation_center=(0, 0, height)), name="body"
+            mesh=mesh.immersed_part(),
+            dofs=cpt.rigid_body_dofs(rotation_center=(0, 0, height)),
+            name="body",
         )
-        problems = [cpt.RadiationProblem(body=body, radiating_dof=d, omega=np.inf, rho=RHO, g=G) for d in dofs]
+        problems = [
+            cpt.RadiationProblem(body=body, radiating_dof=d, omega=np.inf, rho=RHO, g=G)
+            for d in dofs
+        ]
         results = cpt.BEMSolver().solve_all(problems, progress_bar=False)
         by_dof = {r.radiating_dof: r.added_masses[r.radiating_dof] for r in results}
-        rows.append([body.mesh.nb_faces ** -0.5, *(float(by_dof[d]) for d in dofs)])
+        rows.append([body.mesh.nb_faces**-0.5, *(float(by_dof[d]) for d in dofs)])
     coarse, fine = np.array(rows)
     slope = (coarse[1:] - fine[1:]) / (coarse[0] - fine[0])
     return [float(x) for x in fine[1:] - slope * fine[0]]
@@ -97,10 +110,15 @@ def converged(meshes: list[Any], height: float, dofs: list[str]) -> list[float]:
 def infinite() -> dict[str, Any]:
     """Added mass at infinity, converged, by body and dof."""
     a = hulls.RADIUS
-    balls = [cpt.mesh_sphere(radius=a, center=(0, 0, 0), resolution=(2 * n, 2 * n)) for n in (12, 24)]
+    balls = [
+        cpt.mesh_sphere(radius=a, center=(0, 0, 0), resolution=(2 * n, 2 * n)) for n in (12, 24)
+    ]
     boxes = [
         cpt.mesh_parallelepiped(
-            size=(1.0, 0.4, 0.2), center=(0, 0, 0), resolution=(12 * n, 5 * n, 4 * n), missing_sides={"top"}
+            size=(1.0, 0.4, 0.2),
+            center=(0, 0, 0),
+            resolution=(12 * n, 5 * n, 4 * n),
+            missing_sides={"top"},
         )
         for n in (2, 4)
     ]
@@ -109,7 +127,9 @@ def infinite() -> dict[str, Any]:
         for points, faces in (hulls.ship_panels(40, 8), hulls.ship_panels(64, 14))
     ]
     plates = [
-        cpt.mesh_vertical_cylinder(radius=a, length=0.04, center=(0, 0, 0), resolution=(n, 4 * n, n // 4))
+        cpt.mesh_vertical_cylinder(
+            radius=a, length=0.04, center=(0, 0, 0), resolution=(n, 4 * n, n // 4)
+        )
         for n in (8, 16)
     ]
     parts = {
@@ -134,13 +154,19 @@ def main() -> None:
     a = hulls.RADIUS
     omega = [float(np.sqrt(G * ka / a)) for ka in hulls.KA]
     sphere = cpt.mesh_sphere(radius=a, center=(0, 0, 0), resolution=(48, 48), name="sphere")
-    found["sphere"] = table(solved([floating(sphere, (0, 0, 0), "sphere")], omega, ["Surge", "Heave"]), ["Surge", "Heave"])
+    found["sphere"] = table(
+        solved([floating(sphere, (0, 0, 0), "sphere")], omega, ["Surge", "Heave"]),
+        ["Surge", "Heave"],
+    )
     found["sphere in water 0.3 m deep"] = table(
-        solved([floating(sphere, (0, 0, 0), "sphere")], omega, ["Surge", "Heave"], depth=0.3), ["Surge", "Heave"]
+        solved([floating(sphere, (0, 0, 0), "sphere")], omega, ["Surge", "Heave"], depth=0.3),
+        ["Surge", "Heave"],
     )
     pair = [
         floating(
-            cpt.mesh_sphere(radius=a, center=(side * hulls.APART / 2, 0, 0), resolution=(32, 36), name=name),
+            cpt.mesh_sphere(
+                radius=a, center=(side * hulls.APART / 2, 0, 0), resolution=(32, 36), name=name
+            ),
             (side * hulls.APART / 2, 0, 0),
             name,
         )
@@ -148,18 +174,28 @@ def main() -> None:
     ]
     dofs = [f"{name}__{dof}" for name in ("first", "second") for dof in ("Surge", "Heave")]
     found["two spheres"] = table(solved(pair, omega, dofs), dofs)
-    disc = cpt.mesh_vertical_cylinder(radius=a, length=0.04, center=(0, 0, 0), resolution=(20, 64, 6), name="disc")
+    disc = cpt.mesh_vertical_cylinder(
+        radius=a, length=0.04, center=(0, 0, 0), resolution=(20, 64, 6), name="disc"
+    )
     found["disc"] = table(solved([floating(disc, (0, 0, 0), "disc")], omega, ["Heave"]), ["Heave"])
     barge = cpt.mesh_parallelepiped(
-        size=(1.0, 0.4, 0.2), center=(0, 0, 0), resolution=(36, 15, 12), missing_sides={"top"}, name="barge"
+        size=(1.0, 0.4, 0.2),
+        center=(0, 0, 0),
+        resolution=(36, 15, 12),
+        missing_sides={"top"},
+        name="barge",
     )
     found["barge"] = table(
-        solved([floating(barge, (0, 0, hulls.BARGE_CENTRE), "barge")], hulls.BARGE_OMEGA, list(DOFS)), list(DOFS)
+        solved(
+            [floating(barge, (0, 0, hulls.BARGE_CENTRE), "barge")], hulls.BARGE_OMEGA, list(DOFS)
+        ),
+        list(DOFS),
     )
     points, faces = hulls.ship_panels()
     ship = cpt.Mesh(vertices=points, faces=faces, name="ship")
     found["ship"] = table(
-        solved([floating(ship, (0, 0, hulls.SHIP_CENTRE), "ship")], hulls.SHIP_OMEGA, list(DOFS)), list(DOFS)
+        solved([floating(ship, (0, 0, hulls.SHIP_CENTRE), "ship")], hulls.SHIP_OMEGA, list(DOFS)),
+        list(DOFS),
     )
     OUT.write_text(json.dumps(found) + "\n")
     for name, part in found.items():
