@@ -280,7 +280,7 @@ def _step(table: Any, model: int, data: int, entry: Any, at: int, scratch: int) 
         own = state[entry[row + SLOT] : entry[row + SLOT] + OWN]
         _note_acceleration(table, model, data, entry[row + BODY], own, step)
         afloat.push_waves(
-            surface, block, state, entry[row + SLOT] + OWN, pose, now, parts, first, room, added
+            surface, block, state, entry[row + SLOT] + OWN, pose, parts, first, room, added
         )
     afloat.step_waves(surface, state, x, y, step, room, added)
     state[afloat.TIME], state[afloat.PENDING] = now, 0.0

@@ -509,12 +509,14 @@ def body_force(
     for i in range(6):
         for n in range(lids):
             readings[i] += body[int(body[AT_LID]) + i * lids + n] * readings[6 + patterns + n]
-    if keep:
-        for n in range(patterns + lids):
-            state[slot + n] = readings[6 + n]
     # the sea's waves
     swings(surface, pose[0], pose[1], time, swing[:count], swing[count:])
     known_readings(surface, body, swing[:count], swing[count:], yaw, known)
+    if keep:
+        for n in range(patterns):
+            state[slot + n] = readings[6 + n] + known[6 + n]
+        for n in range(patterns, patterns + lids):
+            state[slot + n] = readings[6 + n]
     motion, turning = small[:6], small[6:12]
     to_heading(yaw, pose, surface[CURRENT_X], surface[CURRENT_Y], motion)
     _turning_terms(body, motion, pose[17], turning)
@@ -528,7 +530,7 @@ def body_force(
 
 @kernel
 def push_waves(
-    surface: Any, body: Any, state: Any, slot: int, pose: Any, time: float, parts: Any, first: Any,
+    surface: Any, body: Any, state: Any, slot: int, pose: Any, parts: Any, first: Any,
     scratch: Any, added: Any,
 ) -> None:  # fmt: skip
     """What a body gives to the surface in a step that ends now, added to `added` (2 waves,)."""
@@ -543,17 +545,10 @@ def push_waves(
     at += int(body[HARMONICS])
     amounts = scratch[at : at + int(body[ROWS])]
     at += int(body[ROWS])
-    known = scratch[at : at + 6 + int(body[PATTERNS])]
-    at += int(body[ROWS])
-    swing = scratch[at : at + 2 * count]
     lids, patterns = int(body[LIDS]), int(body[PATTERNS])
-    swings(surface, pose[0], pose[1], time, swing[:count], swing[count:])
-    known_readings(surface, body, swing[:count], swing[count:], yaw, known)
     to_heading(yaw, pose, surface[CURRENT_X], surface[CURRENT_Y], amounts[:6])
     for n in range(patterns + lids):
         amounts[6 + n] = state[slot + n]
-    for n in range(patterns):
-        amounts[6 + n] += known[6 + n]
     size = int(body[ROWS]) * int(body[HARMONICS])
     columns = body[int(body[AT_COLUMNS]) : int(body[AT_COLUMNS]) + size].reshape(
         (int(body[ROWS]), int(body[HARMONICS]))

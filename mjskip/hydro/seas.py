@@ -25,9 +25,9 @@ Array = npt.NDArray[np.float64]
 Spectrum = Literal["jonswap", "pierson-moskowitz"]
 GAMMA = 3.3
 """Peak enhancement of the mean JONSWAP spectrum."""
-LOWEST, HIGHEST = 0.5, 4.0
-"""Frequencies of an irregular sea, over the peak's: more than 99.5% of its energy lies between."""
-COMPONENTS = 128
+LOWEST, HIGHEST = 0.5, 3.4
+"""Frequencies of an irregular sea, over the peak's: some 99% of its energy lies between."""
+COMPONENTS = 96
 TEXT_KEYS = {
     "height": "height of a regular wave, crest to trough [m]",
     "period": "of a regular wave [s]",
