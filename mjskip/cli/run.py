@@ -19,7 +19,7 @@ from mjskip.throws.recording import Limits
 from mjskip.throws.scene import Scene
 from mjskip.throws.simulate import ENGINES, SURFACES, simulate_all
 from mjskip.throws.throw import PARAMETERS
-from mjskip.throws.trajectory import Trajectory
+from mjskip.throws.trajectory import ENDS, Trajectory
 
 out = Console(highlight=False)
 err = Console(stderr=True, highlight=False)
@@ -176,17 +176,10 @@ def headline(scene: Scene, trajectory: Trajectory) -> str:
 
 def verdict(trajectory: Trajectory) -> str:
     """One line: how many skips, and how it ended."""
-    ends = {
-        "sunk": "then it sank",
-        "planing": "then it ploughed on without leaving the water",
-        "at rest": "then it came to rest",
-        "out of time": "when the time was up",
-        "left the lake": "then it left the lake",
-    }
     skips = trajectory.skips
     wall = trajectory.attributes["wall_seconds"]
     return (
-        f"[bold green]{skips} skip{'' if skips == 1 else 's'}[/], {ends[trajectory.end]}\n"
+        f"[bold green]{skips} skip{'' if skips == 1 else 's'}[/], {ENDS[trajectory.end]}\n"
         f"[dim]{trajectory.attributes['engine']} {trajectory.attributes['integrator']}, "
         f"{1e3 * trajectory.attributes['timestep']:g} ms steps, "
         f"{trajectory.time[-1]:.2f} s simulated in {wall:.2f} s[/]\n"

@@ -12,13 +12,27 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from mjskip.checks import check_count, check_mapping, check_number
+from mjskip.checks import check_count, check_mapping, check_number, check_vector
 from mjskip.files import reading, whole_file
 
 if TYPE_CHECKING:
     import xarray as xr
 
 Array = npt.NDArray[np.float64]
+
+
+GRAVITY = (0.0, 0.0, -9.81)
+"""Unless a scene or an argument says otherwise [m/s^2]."""
+
+ENDS: dict[str, str] = {
+    "sunk": "then it sank",
+    "at rest": "then it came to rest",
+    "planing": "then it ploughed on without leaving the water",
+    "out of time": "when the time was up",
+    "left the lake": "then it left the lake",
+    "diverged": "then its motion was no longer finite",
+}
+"""How a run can end, and how a sentence about its skips goes on; in the order of the kernels' codes."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,8 +124,7 @@ class Trajectory:
         clearance: height of the lowest point above the surface (n,) [m]; negative when wet.
         contacts: touches in order of time.
         skips: touches that were followed by at least `min_airtime` in the air.
-        end: why it ended: "sunk", "planing", "at rest", "out of time" or "left the lake"
-            (over waves, a bounded one).
+        end: why it ended, one of `ENDS`.
         mass: [kg].
         attributes: provenance: scene, body, engine, integrator, timestep, throw, water, version.
     """
@@ -137,11 +150,16 @@ class Trajectory:
     attributes: dict[str, Any] = field(default_factory=dict)
 
     @property
+    def potential_energy(self) -> Array:
+        """-m g.x (n,) [J]; gravity from the attributes, or `GRAVITY` if they do not say."""
+        gravity = np.asarray(self.attributes.get("gravity", GRAVITY), dtype=np.float64)
+        return -self.mass * (self.x @ gravity)
+
+    @property
     def energy(self) -> Array:
-        """Kinetic energy plus m g z (n,) [J]; gravity from the attributes, 9.81 m/s^2 if absent."""
-        gravity = float(self.attributes.get("gravity", 9.81))
+        """Kinetic and potential energy (n,) [J]."""
         kinetic = 0.5 * np.sum(self.P * self.velocity + self.L * self.omega, axis=1)
-        return np.asarray(kinetic + self.mass * gravity * self.x[:, 2], dtype=np.float64)
+        return np.asarray(kinetic + self.potential_energy, dtype=np.float64)
 
     def to_dataset(self) -> xr.Dataset:
         """The whole trajectory as an xarray Dataset with units and provenance."""
@@ -202,7 +220,7 @@ class Trajectory:
             data, attrs = _contents(path)
             attributes = json.loads(attrs["provenance"])
             check_mapping("provenance", attributes, "give a JSON object")
-            check_number("gravity", attributes.get("gravity", 9.81), unit="m/s^2")
+            check_vector("gravity", attributes.get("gravity", GRAVITY), 3)
             time = data["time"]
             if not (len(time) and (np.diff(time) > 0.0).all()):
                 raise ValueError("time does not increase")

@@ -17,16 +17,17 @@ rate (z_free[n+1] - z[n-1]) / (2 dt) and open cells (0 on land, else 1), arrays 
 the water is still.
 
 A *face* is a row of FACE doubles, see the constants. *Spots* are rows of first cell (2) and side^2 weights.
-Blocks of bodies and their states are those of `mjskip.hydro._wrench_kernels`.
+Blocks of bodies and their states are those of `mjskip.hydro._block`.
 """
 
 import math
 from typing import Any
 
 from mjskip._compile.jit import kernel
-from mjskip.hydro import _wrench_kernels as hydro
-from mjskip.hydro._wrench_kernels import _pressure_centre, immersed_part
-from mjskip.rigid._rigid_kernels import motion
+from mjskip.hydro import _block as hydro
+from mjskip.hydro._clip_kernels import immersed_part
+from mjskip.hydro._wrench_kernels import pressure_centre
+from mjskip.rigid import _rigid_kernels as rigid
 
 POINT_X, POINT_Y = 0, 1  # where the load acts, world [m]
 ARM = 2  # of that point about the body's centre of mass, world axes (3) [m]
@@ -91,36 +92,32 @@ def find_faces(
     bx = state[3] * vx + state[6] * vy + state[9] * vz
     by = state[4] * vx + state[7] * vy + state[10] * vz
     bz = state[5] * vx + state[8] * vy + state[11] * vz
-    for k in range(int(block[hydro.N_TRIANGLES])):
-        row = hydro.HEADER + k * hydro.ROW
-        p, q, r = row, row + 3, row + 6
+    n = int(block[hydro.STRIDE])
+    for k in range(int(block[hydro.N_FACES])):
+        a = hydro.HEADER + k
+        px, py, pz = block[a], block[a + n], block[a + 2 * n]
+        qx, qy, qz = block[a + 3 * n], block[a + 4 * n], block[a + 5 * n]
+        rx, ry, rz = block[a + 6 * n], block[a + 7 * n], block[a + 8 * n]
         # heights above the surface
-        hp = z + ux * block[p] + uy * block[p + 1] + uz * block[p + 2]
-        hq = z + ux * block[q] + uy * block[q + 1] + uz * block[q + 2]
-        hr = z + ux * block[r] + uy * block[r + 1] + uz * block[r + 2]
+        hp = z + ux * px + uy * py + uz * pz
+        hq = z + ux * qx + uy * qy + uz * qz
+        hr = z + ux * rx + uy * ry + uz * rz
         if not (hp < highest or hq < highest or hr < highest):
             continue
         if highest > 0.0:
-            hp -= _level_under(state, frame, level, block[p], block[p + 1], block[p + 2])
-            hq -= _level_under(state, frame, level, block[q], block[q + 1], block[q + 2])
-            hr -= _level_under(state, frame, level, block[r], block[r + 1], block[r + 2])
-        fraction, x, y, h = immersed_part(
-            block[p], block[p + 1], block[p + 2], hp,
-            block[q], block[q + 1], block[q + 2], hq,
-            block[r], block[r + 1], block[r + 2], hr,
-        )  # fmt: skip
+            hp -= _level_under(state, frame, level, px, py, pz)
+            hq -= _level_under(state, frame, level, qx, qy, qz)
+            hr -= _level_under(state, frame, level, rx, ry, rz)
+        fraction, x, y, h = immersed_part(px, py, pz, hp, qx, qy, qz, hq, rx, ry, rz, hr)
         if not fraction > 0.0:
             continue
-        nx, ny, nz = (
-            block[row + hydro.NORMAL],
-            block[row + hydro.NORMAL + 1],
-            block[row + hydro.NORMAL + 2],
-        )
+        a += hydro.FACES * n
+        nx, ny, nz = block[a], block[a + n], block[a + 2 * n]
         if forward:
             depth = -(z + ux * x + uy * y + uz * h)
             if highest > 0.0:
                 depth += _level_under(state, frame, level, x, y, h)
-            x, y, h = _pressure_centre(
+            x, y, h = pressure_centre(
                 x, y, h, nx, ny, nz, bx, by, bz, ux, uy, uz, depth, block[hydro.RADIUS]
             )
         face = faces[count]
@@ -131,7 +128,7 @@ def find_faces(
             face[NORMAL + axis] = (
                 state[3 + 3 * axis] * nx + state[4 + 3 * axis] * ny + state[5 + 3 * axis] * nz
             )
-        area = fraction * block[row + hydro.AREA]
+        area = fraction * block[hydro.HEADER + hydro.AREA * n + k]
         face[POINT_X] = state[0] + face[ARM]
         face[POINT_Y] = state[1] + face[ARM + 1]
         face[AREA] = area
@@ -488,23 +485,22 @@ def solve_loads(
 
 @kernel
 def prepare_kick(
-    y: Any, masses: Any, inverse_inertias: Any, others: Any, timestep: float,
-    states: Any, mean_states: Any, bodies: Any,
-) -> None:  # fmt: skip
+    y: Any, rows: Any, others: Any, timestep: float, states: Any, mean_states: Any, bodies: Any
+) -> None:
     """States before a kick, those with half of the other forces' kick, and mobilities, of n bodies.
 
     Args:
         y: x, q, P, L of the bodies (n, 13).
-        masses: (n,).
-        inverse_inertias: in body axes (n, 3, 3).
+        rows: of the bodies (n, rigid.BODY).
         others: force and torque that are not the solve's (n, 6).
         timestep: of the kick [s].
         states, mean_states: out (n, 18).
         bodies: out (n, MOBILITY).
     """
     for n in range(y.shape[0]):
-        motion(y[n], masses[n], inverse_inertias[n], states[n])
-        bodies[n, INVERSE_MASS] = 1.0 / masses[n]
+        rigid.motion(rows[n], y[n], states[n])
+        mass = rows[n, rigid.MASS]
+        bodies[n, INVERSE_MASS] = 1.0 / mass
         for i in range(3):
             for j in range(3):  # R I^-1 R^T
                 total = 0.0
@@ -512,14 +508,14 @@ def prepare_kick(
                     for b in range(3):
                         total += (
                             states[n, 3 + 3 * i + a]
-                            * inverse_inertias[n, a, b]
+                            * rows[n, rigid.INVERSE_INERTIA + 3 * a + b]
                             * states[n, 3 + 3 * j + b]
                         )
                 bodies[n, INVERSE_INERTIA + 3 * i + j] = total
         for k in range(18):
             mean_states[n, k] = states[n, k]
         for i in range(3):
-            mean_states[n, 12 + i] += 0.5 * timestep * others[n, i] / masses[n]
+            mean_states[n, 12 + i] += 0.5 * timestep * others[n, i] / mass
             for j in range(3):
                 mean_states[n, 15 + i] += (
                     0.5 * timestep * bodies[n, INVERSE_INERTIA + 3 * i + j] * others[n, 3 + j]
@@ -527,26 +523,24 @@ def prepare_kick(
 
 
 @kernel
-def free_flight(
-    y: Any, mass: float, inverse_inertia: Any, gravity: Any, timestep: float, turn: float, state: Any
-) -> None:  # fmt: skip
+def free_flight(row: Any, y: Any, timestep: float, turn: float, state: Any) -> None:
     """x, q, P, L (13,) of a body after a while without loads: exact but for the turn.
 
         x += v dt + g dt^2 / 2,  P += m g dt,  L constant,  dq/dt = 1/2 (0, R I^-1 R^T L) q
 
     Args:
+        row: of the body (rigid.BODY,).
         y: in and out.
-        mass, inverse_inertia: of the body; inertia in body axes.
-        gravity: (3,).
         timestep: [s].
         turn: greatest angle of one step of RK4 of the orientation; the energy of the spin is kept to about
             turn^5 / 100 a step.
         state: scratch (18,).
     """
     for i in range(3):
-        y[i] += timestep * (y[7 + i] / mass + 0.5 * timestep * gravity[i])
-        y[7 + i] += timestep * mass * gravity[i]
-    motion(y, mass, inverse_inertia, state)
+        gravity = row[rigid.GRAVITY + i]
+        y[i] += timestep * (y[7 + i] / row[rigid.MASS] + 0.5 * timestep * gravity)
+        y[7 + i] += timestep * row[rigid.MASS] * gravity
+    rigid.motion(row, y, state)
     spin = math.sqrt(state[15] ** 2 + state[16] ** 2 + state[17] ** 2)
     if not spin < math.inf:
         return
@@ -556,7 +550,7 @@ def free_flight(
         w, x, y0, z = y[3], y[4], y[5], y[6]
         sw, sx, sy, sz = w, x, y0, z
         for stage in range(4):
-            motion(y, mass, inverse_inertia, state)
+            rigid.motion(row, y, state)
             a, b, c = 0.5 * state[15], 0.5 * state[16], 0.5 * state[17]
             dw = -a * y[4] - b * y[5] - c * y[6]
             dx = a * y[3] + b * y[6] - c * y[5]

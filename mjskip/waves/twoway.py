@@ -31,7 +31,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip.errors import MjskipWarning
-from mjskip.hydro import _wrench_kernels as kernels
+from mjskip.hydro import _block as kernels
 from mjskip.hydro.wrench import immersion_address, wrench_address, wrench_and_immersion
 from mjskip.waves import _lake_kernels as tiles
 from mjskip.waves._grid import free_memory
@@ -43,7 +43,7 @@ from mjskip.waves.ride import Ride
 Array = npt.NDArray[np.float64]
 
 Hop = tuple[int, Array]
-"""Address of what steps an engine of one stone, and its context: see `mjskip.rigid._rigid_kernels.hop`."""
+"""Address of what steps an engine of one stone, and its context: see `mjskip.coupling._free_joint_kernels.hop`."""
 
 MERGE_AFTER = 0.010
 """Dry time after which a touch is over and its waves are the lake's [s]."""
