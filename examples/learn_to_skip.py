@@ -46,7 +46,9 @@ def controls(numbers: np.ndarray, time: float) -> np.ndarray:
     return np.clip([*joints, 1.0 if time >= release else -1.0], -1.0, 1.0)
 
 
-def throw(env: gymnasium.Env, numbers: np.ndarray, frames: list | None = None) -> tuple[float, dict]:
+def throw(
+    env: gymnasium.Env, numbers: np.ndarray, frames: list | None = None
+) -> tuple[float, dict]:
     """One episode: the sum of its rewards and what the environment says at its end."""
     env.reset(seed=0)
     total, over, now = 0.0, False, 0.0
@@ -165,7 +167,9 @@ def film(learning: Learning, path: Path) -> None:
 def main() -> None:
     """Learn, and show what was learned."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--minutes", type=float, default=15.0, help="of processor time (default 15)")
+    parser.add_argument(
+        "--minutes", type=float, default=15.0, help="of processor time (default 15)"
+    )
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--folder", type=Path, default=Path("learned"))
     parser.add_argument("--resume", action="store_true", help="go on from the folder's checkpoint")
@@ -179,7 +183,9 @@ def main() -> None:
     for skips in range(1, most + 1):
         print(learning.first(skips))
     clock = learning.rows[-1][1]
-    print(f"{len(learning.rows)} throws in {clock:.0f} s of processor time; best reward {learning.best[1]:.2f}")
+    print(
+        f"{len(learning.rows)} throws in {clock:.0f} s of processor time; best reward {learning.best[1]:.2f}"
+    )
     draw_curve(learning, arguments.folder / "curve.png")
     if not arguments.no_film:
         film(learning, arguments.folder / "best.mp4")

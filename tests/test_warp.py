@@ -54,7 +54,9 @@ def states(model, count, height, seed=0, speed=5.0, spin=30.0):
     rng = np.random.default_rng(seed)
     qpos = np.tile(model.qpos0, (count, 1))
     q = rng.normal(size=(count, 4))
-    qpos[:, :3] = np.column_stack([rng.uniform(-1, 1, (count, 2)), rng.uniform(-height, height, count)])
+    qpos[:, :3] = np.column_stack(
+        [rng.uniform(-1, 1, (count, 2)), rng.uniform(-height, height, count)]
+    )
     qpos[:, 3:7] = q / np.linalg.norm(q, axis=1, keepdims=True)
     qpos[:, 7:] += rng.uniform(-1, 1, (count, model.nq - 7))
     qvel = rng.normal(size=(count, model.nv)) * np.r_[[speed] * 3, [spin] * (model.nv - 3)]
@@ -86,7 +88,9 @@ def warp_passive(model, seen, **options):
         callback=SimpleNamespace(passive=None),
         body_rootid=wp.array(model.body_rootid, dtype=int, device="cpu"),
         opt=SimpleNamespace(
-            gravity=wp.array(model.opt.gravity[None].astype(np.float32), dtype=wp.vec3, device="cpu")
+            gravity=wp.array(
+                model.opt.gravity[None].astype(np.float32), dtype=wp.vec3, device="cpu"
+            )
         ),
     )
     water = mjskip.warp.attach(m, model, **options)
@@ -166,7 +170,9 @@ def test_given_water_and_bodies_come_before_the_plugins():
     qpos, qvel = states(model, 50, 0.02)
     _, seen = passive(model, qpos, qvel)
     light = warp_passive(model, seen)[0]
-    heavy = warp_passive(model, seen, water=Water(density=1000.0, air_density=0.0), bodies=["stone"])[0]
+    heavy = warp_passive(
+        model, seen, water=Water(density=1000.0, air_density=0.0), bodies=["stone"]
+    )[0]
     half = warp_passive(model, seen, water=Water(density=500.0, air_density=0.0))[0]
     np.testing.assert_allclose(heavy, 2.0 * half, rtol=1e-5, atol=1e-6)
     assert not np.allclose(light, heavy)
@@ -191,9 +197,11 @@ def test_what_cannot_be_attached_is_named():
     m = SimpleNamespace(
         qpos0=wp.zeros(1, dtype=float, device="cpu"), callback=SimpleNamespace(passive=None)
     )
-    with pytest.raises(ValueError, match="warp_model is a MjModel: give what mujoco_warp.put_model"):
+    with pytest.raises(
+        ValueError, match=r"warp_model is a MjModel: give what mujoco_warp.put_model"
+    ):
         mjskip.warp.attach(model, model)
-    with pytest.raises(ValueError, match="mujoco_model is 'lake': give a compiled mujoco.MjModel"):
+    with pytest.raises(ValueError, match=r"mujoco_model is 'lake': give a compiled mujoco.MjModel"):
         mjskip.warp.attach(m, "lake")
     with pytest.raises(SceneError, match="no body named 'duck'"):
         mjskip.warp.attach(m, model, bodies=["duck"])
@@ -250,7 +258,9 @@ def test_sixty_four_throws_fly_as_in_c_attach():
             mujoco.mj_step(model, data, 2000)
             ends.append(data.qpos[:3].copy())
     apart = np.linalg.norm(d.qpos.numpy()[:, :3] - ends, axis=1)
-    print(f"64 throws apart after 1 s: median {1e3 * np.median(apart):.4f}, max {1e3 * apart.max():.4f} mm")
+    print(
+        f"64 throws apart after 1 s: median {1e3 * np.median(apart):.4f}, max {1e3 * apart.max():.4f} mm"
+    )
     assert np.linalg.norm(np.ptp(ends, axis=0)) > 1.0
     assert apart.max() < 1e-4
 

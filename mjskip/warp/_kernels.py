@@ -52,9 +52,7 @@ class Column:
 
 
 @wp.func
-def immersed_part(
-    a0: wp.vec3, ha0: float, b0: wp.vec3, hb0: float, c0: wp.vec3, hc0: float
-) -> Wet:
+def immersed_part(a0: wp.vec3, ha0: float, b0: wp.vec3, hb0: float, c0: wp.vec3, hc0: float) -> Wet:
     """A quadrangle is taken as two triangles with positive weights, so that nothing cancels."""
     a, b, c = a0, b0, c0
     ha, hb, hc = ha0, hb0, hc0
@@ -101,9 +99,7 @@ def linear_column(
 
 
 @wp.func
-def column(
-    a0: wp.vec3, ha0: float, b0: wp.vec3, hb0: float, c0: wp.vec3, hc0: float
-) -> Column:
+def column(a0: wp.vec3, ha0: float, b0: wp.vec3, hb0: float, c0: wp.vec3, hc0: float) -> Column:
     """The water over the immersed part of a triangle, see `immersed_part`."""
     a, b, c = a0, b0, c0
     ha, hb, hc = ha0, hb0, hc0
@@ -158,23 +154,23 @@ def pressure_centre(
 @wp.kernel
 def wet_wrench(
     # bodies and triangles
-    bodies: wp.array(dtype=WetBody),
-    corner_a: wp.array(dtype=wp.vec3),
-    corner_b: wp.array(dtype=wp.vec3),
-    corner_c: wp.array(dtype=wp.vec3),
-    normals: wp.array(dtype=wp.vec3),
-    areas: wp.array(dtype=float),
-    body_rootid: wp.array(dtype=int),
+    bodies: wp.array[WetBody],
+    corner_a: wp.array[wp.vec3],
+    corner_b: wp.array[wp.vec3],
+    corner_c: wp.array[wp.vec3],
+    normals: wp.array[wp.vec3],
+    areas: wp.array[float],
+    body_rootid: wp.array[int],
     # worlds
-    gravity: wp.array(dtype=wp.vec3),
-    xipos: wp.array2d(dtype=wp.vec3),
-    xmat: wp.array2d(dtype=wp.mat33),
-    cvel: wp.array2d(dtype=wp.spatial_vector),
-    subtree_com: wp.array2d(dtype=wp.vec3),
+    gravity: wp.array[wp.vec3],
+    xipos: wp.array2d[wp.vec3],
+    xmat: wp.array2d[wp.mat33],
+    cvel: wp.array2d[wp.spatial_vector],
+    subtree_com: wp.array2d[wp.vec3],
     # out
-    force: wp.array2d(dtype=wp.vec3),
-    torque: wp.array2d(dtype=wp.vec3),
-    wetted_area: wp.array2d(dtype=float),
+    force: wp.array2d[wp.vec3],
+    torque: wp.array2d[wp.vec3],
+    wetted_area: wp.array2d[float],
 ):
     """Force and torque of water and air about the centre of mass, world axes, and the wetted area.
 
@@ -204,7 +200,7 @@ def wet_wrench(
     area_total = float(0.0)
 
     # water, on the mesh
-    if z <= wet.radius:
+    if z <= wet.radius * 1.00001:  # in single precision it may reach a little farther
         speed2 = wp.dot(velocity, velocity)
         speed = wp.sqrt(speed2)
         fall = -gravity[world % gravity.shape[0]][2]
@@ -227,17 +223,17 @@ def wet_wrench(
                 vn_centre = wp.dot(velocity, n)
                 at = r
                 if wet.forward == 1:
-                    at = pressure_centre(
-                        r, n, velocity, up, -(z + wp.dot(up, r)), wet.radius
-                    )
+                    at = pressure_centre(r, n, velocity, up, -(z + wp.dot(up, r)), wet.radius)
                 vn = vn_centre + wp.dot(wp.cross(omega, at), n)
                 loaded = vn_centre >= 0.0
                 if wet.local == 1:
                     loaded = vn > 0.0
                 if loaded:
-                    load = -area * (
-                        wet.squared * vn * vn + wet.mixed * speed * vn + wet.plain * speed2
-                    ) * n
+                    load = (
+                        -area
+                        * (wet.squared * vn * vn + wet.mixed * speed * vn + wet.plain * speed2)
+                        * n
+                    )
                     if wet.friction != 0.0:
                         along = velocity - vn_centre * n
                         length = wp.length(along)
@@ -272,17 +268,17 @@ def wet_wrench(
 @wp.kernel
 def add_to_passive(
     # bodies
-    bodies: wp.array(dtype=WetBody),
-    moves: wp.array2d(dtype=int),
-    body_rootid: wp.array(dtype=int),
+    bodies: wp.array[WetBody],
+    moves: wp.array2d[int],
+    body_rootid: wp.array[int],
     # worlds
-    xipos: wp.array2d(dtype=wp.vec3),
-    subtree_com: wp.array2d(dtype=wp.vec3),
-    cdof: wp.array2d(dtype=wp.spatial_vector),
-    force: wp.array2d(dtype=wp.vec3),
-    torque: wp.array2d(dtype=wp.vec3),
+    xipos: wp.array2d[wp.vec3],
+    subtree_com: wp.array2d[wp.vec3],
+    cdof: wp.array2d[wp.spatial_vector],
+    force: wp.array2d[wp.vec3],
+    torque: wp.array2d[wp.vec3],
     # out
-    qfrc_passive: wp.array2d(dtype=float),
+    qfrc_passive: wp.array2d[float],
 ):
     """qfrc_passive += J'w; moves[dof, k] says whether a degree of freedom moves wet body k."""
     world, dof = wp.tid()

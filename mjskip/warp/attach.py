@@ -14,8 +14,8 @@ import numpy.typing as npt
 import warp as wp
 
 from mjskip.checks import check_type
-from mjskip.coupling.bodies import body_name, body_stone, find_body, free_bodies
 from mjskip.coupling._struct_layout import members
+from mjskip.coupling.bodies import body_name, body_stone, find_body, free_bodies
 from mjskip.coupling.plugin import NAME, plugin_water
 from mjskip.errors import SceneError
 from mjskip.hydro.laws import LAWS
@@ -198,8 +198,7 @@ def _constants(body: int, first: int, stone: Stone, water: Water) -> Any:
     law = LAWS[water.law]
     wet = kernels.WetBody()
     wet.body, wet.first, wet.count = body, first, len(stone.faces)
-    # the mesh in single precision may reach a little farther than its radius
-    wet.radius = stone.radius * (1.0 + 1e-5)
+    wet.radius = stone.radius
     wet.local = int(water.gate == "local")
     wet.squared = water.density * law.normal_squared
     wet.mixed = water.density * law.speed_normal
@@ -227,5 +226,3 @@ def _moved(model: mujoco.MjModel, bodies: list[int]) -> npt.NDArray[np.int32]:
             moves[dof, k] = 1
             dof = int(model.dof_parentid[dof])
     return moves
-
-
