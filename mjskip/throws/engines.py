@@ -17,6 +17,7 @@ from mjskip.coupling._free_joint_kernels import free_motion, hop
 from mjskip.coupling._struct_layout import library
 from mjskip.coupling.attach import Coupling, attach
 from mjskip.coupling.bodies import find_body
+from mjskip.coupling.wet import THROWN
 from mjskip.errors import DivergedError, SceneError
 from mjskip.hydro.wrench import entry_address
 from mjskip.rigid.attitude import matrices
@@ -174,7 +175,9 @@ class MujocoEngine:
         self._open.enter_context(_unlogged())
         if self._water is not None:
             names = list(self._free)
-            water = attach(self.model, self.data, water=self._water, bodies=names)
+            water = attach(
+                self.model, self.data, water=self._water, bodies=names, max_faces=THROWN.max_faces
+            )
             self._coupling = self._open.enter_context(water)
             self.blocks = dict(zip(names, self._coupling.blocks, strict=True))
         return self

@@ -16,8 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip.checks import check_positive
-from mjskip.coupling.attach import compile_callback
 from mjskip.coupling.bodies import find_body
+from mjskip.coupling.callback import compile_callback
 from mjskip.errors import MjskipWarning
 from mjskip.hydro.stone import Stone
 from mjskip.rigid.attitude import angles, matrices
