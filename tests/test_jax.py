@@ -22,7 +22,7 @@ jax.config.update("jax_enable_x64", True)
 PEBBLE = Stone.pebble()
 WATERS = {
     **{
-        f"{law} {gate}": Water(law=law, gate=gate) for law in LAWS for gate in ("centre", "local")
+        f"{name} {gate}": Water(law=name, gate=gate) for name, law in LAWS.items() if not law.forward for gate in ("centre", "local")
     },
     "floating": Water(gate="local", buoyancy=True, skin_friction=True, density=900.0),
 }  # fmt: skip
@@ -44,8 +44,8 @@ def at(states, k):
     return State(*(value[k] for value in states))
 
 
-FEW = ["floating", "rosellini2005_forward local"]
-"""All terms of the formula but friction of the law: to compile takes seconds each."""
+FEW = ["floating", "bocquet2003 centre"]
+"""All terms of the formula, both gates: to compile takes seconds each."""
 
 some = pytest.mark.parametrize(
     "name", [name if name in FEW else pytest.param(name, marks=pytest.mark.slow) for name in WATERS]
@@ -157,6 +157,12 @@ def test_a_throw_is_the_one_of_the_pure_integrator():
     assert reference.contacts
     np.testing.assert_allclose(states.position[-1], reference.x[300], atol=1e-6)
     np.testing.assert_allclose(states.velocity[-1], reference.velocity[300], atol=1e-4)
+
+
+@pytest.mark.parametrize("options", [{"law": "rayleigh1876_forward"}, {"quadrature": True}])
+def test_loads_integrated_over_faces_are_refused(options):
+    with pytest.raises(ValueError, match=r"for JAX use one of lee2010, .*, without quadrature"):
+        mjskip.jax.wrench(PEBBLE, Water(**options))
 
 
 def test_single_precision_is_refused():

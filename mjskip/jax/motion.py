@@ -64,13 +64,15 @@ def step(
         return State(now.velocity, dq, (found.force + found.air_force) / mass + down, turning)
 
     def moved(along: State, part: Any) -> State:
-        return jax.tree.map(lambda value, slope: value + part * slope, state, along)
+        return State(*(x + part * slope for x, slope in zip(state, along, strict=True)))
 
     k1 = rate(state)
     k2 = rate(moved(k1, 0.5 * timestep))
     k3 = rate(moved(k2, 0.5 * timestep))
     k4 = rate(moved(k3, timestep))
-    mean = jax.tree.map(lambda a, b, c, d: (a + 2.0 * b + 2.0 * c + d) / 6.0, k1, k2, k3, k4)
+    mean = State(
+        *((a + 2.0 * b + 2.0 * c + d) / 6.0 for a, b, c, d in zip(k1, k2, k3, k4, strict=True))
+    )
     after = moved(mean, timestep)
     return after._replace(q=after.q / jnp.linalg.norm(after.q))
 

@@ -14,8 +14,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from mjskip.checks import check_number, check_type
+from mjskip.hydro.hull import Hull
 from mjskip.hydro.laws import LAWS, ForceLaw
-from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
 
 Vector = jax.Array
@@ -38,9 +38,7 @@ class _Faces(NamedTuple):
     areas: Vector
 
 
-def wrench(
-    hull: Stone, water: Water | None = None, *, gravity: float = 9.81
-) -> Callable[..., Load]:
+def wrench(hull: Hull, water: Water | None = None, *, gravity: float = 9.81) -> Callable[..., Load]:
     """What still water (z = 0) and air do to a body, as a function of its motion.
 
     Args:
@@ -53,22 +51,27 @@ def wrench(
         `Load`; for `jax.jit`, `jax.vmap`, `jax.grad` and the like.
 
     Raises:
-        ValueError: JAX would work in single precision.
+        ValueError: JAX would work in single precision, or the law is one whose loads are integrated over faces
+            (`..._forward`, `quadrature`), which are not known here.
     """
-    if not jax.config.jax_enable_x64:
+    if jnp.result_type(float) != jnp.float64:
         raise ValueError(
             'JAX works in single precision: call jax.config.update("jax_enable_x64", True) first'
         )
-    check_type("hull", hull, Stone)
+    check_type("hull", hull, Hull, "give a mjskip.Stone or another Hull")
     fluid = Water() if water is None else check_type("water", water, Water)
     gravity = check_number("gravity", gravity)
+    law = LAWS[fluid.law]
+    if law.forward or fluid.quadrature:
+        known = ", ".join(name for name, one in LAWS.items() if not one.forward)
+        what = "quadrature is True" if fluid.quadrature else f"law is {fluid.law!r}"
+        raise ValueError(f"{what}: for JAX use one of {known}, without quadrature")
     areas = np.linalg.norm(hull.area_vectors, axis=1)
     faces = _Faces(
         jnp.asarray(hull.triangles),
         jnp.asarray(hull.area_vectors / areas[:, None]),
         jnp.asarray(areas),
     )
-    law = LAWS[fluid.law]
     length = 2.0 * float(np.sqrt(hull.disc_area / np.pi))
     disc_normal, disc_centre = jnp.asarray(hull.disc_normal), jnp.asarray(hull.disc_centre)
 
@@ -85,10 +88,8 @@ def wrench(
         heights = z + faces.corners @ up
         share, centre, height, moment = _immersed(faces.corners, heights)
         wet = share * faces.areas
-        force, at = _law_force(
-            faces, law, fluid.gate == "local", hull.radius, wet, centre, z, up, velocity, omega
-        )
-        torque = jnp.cross(at, force).sum(axis=0)
+        force = _law_force(faces, law, fluid.gate == "local", wet, centre, velocity, omega)
+        torque = jnp.cross(centre, force).sum(axis=0)
         force = force.sum(axis=0)
         if fluid.buoyancy:
             weight = gravity * faces.areas[:, None]
@@ -121,19 +122,16 @@ def rotation(q: Any) -> Vector:
 
 
 def _law_force(
-    faces: _Faces, law: ForceLaw, local: bool, radius: float, wet: Vector, centre: Vector,
-    z: Vector, up: Vector, velocity: Vector, omega: Vector,
-) -> tuple[Vector, Vector]:  # fmt: skip
-    """Forces (m, 3) for a density of 1, and where they act (m, 3).
+    faces: _Faces, law: ForceLaw, local: bool, wet: Vector, centre: Vector,
+    velocity: Vector, omega: Vector,
+) -> Vector:  # fmt: skip
+    """Forces (m, 3) for a density of 1.
 
     F = -S [ (a (V.n)^2 + b U (V.n) + c U^2) n + d U^2 t ]
     """
     vn_centre = faces.normals @ velocity
     along = velocity - vn_centre[:, None] * faces.normals
-    at = centre
-    if law.forward:
-        at = _pressure_centres(centre, along, vn_centre, -(z + centre @ up), up, radius)
-    vn = vn_centre + jnp.einsum("mi,mi->m", jnp.cross(omega, at), faces.normals)
+    vn = vn_centre + jnp.einsum("mi,mi->m", jnp.cross(omega, centre), faces.normals)
     speed2 = jnp.dot(velocity, velocity)
     pressure = law.normal_squared * vn**2
     if law.speed_normal:
@@ -144,7 +142,7 @@ def _law_force(
         length = _root(jnp.einsum("mi,mi->m", along, along))
         force -= law.friction * speed2 * _over(along, length)
     loaded = (vn > 0.0) if local else (vn_centre >= 0.0)
-    return jnp.where(loaded, wet, 0.0)[:, None] * force, at
+    return jnp.where(loaded, wet, 0.0)[:, None] * force
 
 
 def _skin_force(
@@ -156,23 +154,6 @@ def _skin_force(
     speed = _root(jnp.einsum("mi,mi->m", slip, slip))
     coefficient = 0.075 / (jnp.log10(jnp.maximum(speed * rate, 1e3)) - 2.0) ** 2
     return -0.5 * (coefficient * speed * wet)[:, None] * slip
-
-
-def _pressure_centres(
-    r: Vector, along: Vector, vn: Vector, depth: Vector, up: Vector, radius: float
-) -> Vector:
-    """Ahead of the middle of the strips of a face, by Rayleigh; see `mjskip.hydro`."""
-    speed = _root(jnp.einsum("mi,mi->m", along, along))
-    s = _over(along, speed)
-    ahead = jnp.einsum("mi,mi->m", r, s)
-    room = radius**2 - jnp.einsum("mi,mi->m", r, r) + ahead**2
-    way = jnp.maximum(_root(jnp.maximum(room, 0.0)) - ahead, 0.0)
-    rise = s @ up
-    cut = rise * way > depth
-    way = jnp.where(cut, depth / jnp.where(cut, rise, 1.0), way)
-    bottom = 4.0 * _root(speed**2 + vn**2) + np.pi * jnp.abs(vn)
-    share = 1.5 * speed / jnp.where(bottom > 0.0, bottom, 1.0)
-    return r + (share * way)[:, None] * s
 
 
 def _immersed(corners: Vector, heights: Vector) -> tuple[Vector, Vector, Vector, Vector]:

@@ -17,6 +17,7 @@ class WetBody:
     """What water and air know a body by; see `mjskip.hydro.wrench.pack`."""
 
     body: int
+    centre: wp.vec3  # of mass of it and what is welded to it, in its frame
     first: int  # of its triangles
     count: int
     radius: float
@@ -25,7 +26,6 @@ class WetBody:
     mixed: float
     plain: float
     friction: float
-    forward: int
     weight: float  # rho if the water bears, or 0
     skin: float  # rho if the water rubs, or 0
     viscosity: float
@@ -129,28 +129,6 @@ def column(a0: wp.vec3, ha0: float, b0: wp.vec3, hb0: float, c0: wp.vec3, hc0: f
     return out
 
 
-@wp.func
-def pressure_centre(
-    r: wp.vec3, n: wp.vec3, velocity: wp.vec3, up: wp.vec3, depth: float, radius: float
-) -> wp.vec3:
-    """Ahead of the middle of the strips of a face, by Rayleigh; see `mjskip.hydro`."""
-    vn = wp.dot(velocity, n)
-    along = velocity - vn * n
-    speed = wp.length(along)
-    out = r
-    if speed > 0.0:
-        s = along / speed
-        ahead = wp.dot(r, s)
-        room = radius * radius - wp.dot(r, r) + ahead * ahead
-        way = wp.max(wp.sqrt(wp.max(room, 0.0)) - ahead, 0.0)
-        rise = wp.dot(s, up)
-        if rise * way > depth:
-            way = depth / rise
-        share = 1.5 * speed / (4.0 * wp.sqrt(speed * speed + vn * vn) + 3.14159265 * wp.abs(vn))
-        out = r + way * share * s
-    return out
-
-
 @wp.kernel
 def wet_wrench(
     # bodies and triangles
@@ -163,7 +141,7 @@ def wet_wrench(
     body_rootid: wp.array[int],
     # worlds
     gravity: wp.array[wp.vec3],
-    xipos: wp.array2d[wp.vec3],
+    xpos: wp.array2d[wp.vec3],
     xmat: wp.array2d[wp.mat33],
     cvel: wp.array2d[wp.spatial_vector],
     subtree_com: wp.array2d[wp.vec3],
@@ -181,7 +159,7 @@ def wet_wrench(
     wet = bodies[k]
     body = wet.body
     turn = xmat[world, body]
-    place = xipos[world, body]
+    place = xpos[world, body] + turn * wet.centre
     motion = cvel[world, body]
     spin = wp.spatial_top(motion)
     centre_velocity = wp.spatial_bottom(motion) + wp.cross(
@@ -221,10 +199,7 @@ def wet_wrench(
 
                 # the law's load
                 vn_centre = wp.dot(velocity, n)
-                at = r
-                if wet.forward == 1:
-                    at = pressure_centre(r, n, velocity, up, -(z + wp.dot(up, r)), wet.radius)
-                vn = vn_centre + wp.dot(wp.cross(omega, at), n)
+                vn = vn_centre + wp.dot(wp.cross(omega, r), n)
                 loaded = vn_centre >= 0.0
                 if wet.local == 1:
                     loaded = vn > 0.0
@@ -240,7 +215,7 @@ def wet_wrench(
                         if length > 0.0:
                             load -= area * wet.friction * speed2 / length * along
                     f += load
-                    t += wp.cross(at, load)
+                    t += wp.cross(r, load)
 
                 # hydrostatic pressure
                 if wet.weight != 0.0:
@@ -272,7 +247,8 @@ def add_to_passive(
     moves: wp.array2d[int],
     body_rootid: wp.array[int],
     # worlds
-    xipos: wp.array2d[wp.vec3],
+    xpos: wp.array2d[wp.vec3],
+    xmat: wp.array2d[wp.mat33],
     subtree_com: wp.array2d[wp.vec3],
     cdof: wp.array2d[wp.spatial_vector],
     force: wp.array2d[wp.vec3],
@@ -287,7 +263,8 @@ def add_to_passive(
     for k in range(bodies.shape[0]):
         if moves[dof, k] == 1:
             body = bodies[k].body
-            arm = xipos[world, body] - subtree_com[world, body_rootid[body]]
+            place = xpos[world, body] + xmat[world, body] * bodies[k].centre
+            arm = place - subtree_com[world, body_rootid[body]]
             about = torque[world, k] + wp.cross(arm, force[world, k])
             total += wp.dot(wp.spatial_top(axis), about)
             total += wp.dot(wp.spatial_bottom(axis), force[world, k])

@@ -13,13 +13,16 @@ import numpy as np
 import numpy.typing as npt
 import warp as wp
 
+from mjskip._typing import Array
 from mjskip.checks import check_type
 from mjskip.coupling._struct_layout import members
-from mjskip.coupling.bodies import body_name, body_stone, find_body, free_bodies
-from mjskip.coupling.plugin import NAME, plugin_water
+from mjskip.coupling.bodies import body_name
+from mjskip.coupling.plugin import NAME, plugin_bodies, plugin_water
+from mjskip.coupling.selection import select
+from mjskip.coupling.wet import HullOptions, hull_of, inertia_of
 from mjskip.errors import SceneError
+from mjskip.hydro.hull import Hull
 from mjskip.hydro.laws import LAWS
-from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
 from mjskip.warp import _kernels as kernels
 
@@ -56,7 +59,7 @@ def attach(
     mujoco_model: mujoco.MjModel,
     *,
     water: Water | None = None,
-    bodies: Sequence[str] | None = None,
+    bodies: Sequence[str | int] | None = None,
 ) -> WarpWater:
     """Let still water (z = 0) and air act on bodies of every world that is stepped with `warp_model`.
 
@@ -67,15 +70,15 @@ def attach(
         warp_model: from `mujoco_warp.put_model`.
         mujoco_model: the model it was made of, before `strip_plugin`: its mass, inertia and geoms are read here, once.
         water: the fluid. If omitted, bodies that carry plugin mjskip.water have what the plugin says; `Water()` if there
-            are none.
-        bodies: names of the bodies. If omitted, those that carry the plugin, or else all with a free joint.
+            are none. Laws whose loads are integrated over faces (`..._forward`, `quadrature`) are not known here.
+        bodies: names or ids of the bodies. If omitted, those of the plugin, or else all moving bodies of free trees.
 
     Returns:
         The water, with wrenches of the last evaluation, which can be detached.
 
     Raises:
         SceneError: no such body, or none at all.
-        MeshError: a mesh geom is not closed.
+        ValueError: a law that is not known here, or an argument of a wrong type.
     """
     check_type("mujoco_model", mujoco_model, mujoco.MjModel, "give a compiled mujoco.MjModel")
     if not hasattr(getattr(warp_model, "callback", None), "passive"):
@@ -84,8 +87,8 @@ def attach(
         )
     wet = _wet_bodies(mujoco_model, water, bodies)
     found = WarpWater(
-        bodies=tuple(wet),
-        names=tuple(body_name(mujoco_model, body) for body in wet),
+        bodies=tuple(one.body for one in wet),
+        names=tuple(body_name(mujoco_model, one.body) for one in wet),
         _model=warp_model,
         _device=warp_model.qpos0.device,
         _before=warp_model.callback.passive,
@@ -130,7 +133,7 @@ class WarpWater:
             dim=(worlds, count),
             inputs=[
                 self._bodies, *self._corners, self._normals, self._areas, m.body_rootid,
-                m.opt.gravity, d.xipos, d.xmat, d.cvel, d.subtree_com,
+                m.opt.gravity, d.xpos, d.xmat, d.cvel, d.subtree_com,
             ],
             outputs=[self.force, self.torque, self.wetted_area],
             device=self._device,
@@ -139,7 +142,7 @@ class WarpWater:
             kernels.add_to_passive,
             dim=(worlds, m.nv),
             inputs=[
-                self._bodies, self._moves, m.body_rootid, d.xipos, d.subtree_com, d.cdof,
+                self._bodies, self._moves, m.body_rootid, d.xpos, d.xmat, d.subtree_com, d.cdof,
                 self.force, self.torque,
             ],
             outputs=[d.qfrc_passive],
@@ -151,17 +154,14 @@ class WarpWater:
         if self._model.callback.passive is self:
             self._model.callback.passive = self._before
 
-    def _upload(self, model: mujoco.MjModel, wet: dict[int, tuple[Stone, Water]]) -> None:
+    def _upload(self, model: mujoco.MjModel, wet: list[_Wet]) -> None:
         """Triangles and constants to the device."""
-        triangles = [stone.triangles for stone, _ in wet.values()]
-        vectors = np.vstack([stone.area_vectors for stone, _ in wet.values()])
+        triangles = [one.hull.triangles for one in wet]
+        vectors = np.vstack([one.hull.area_vectors for one in wet])
         areas = np.linalg.norm(vectors, axis=1)
         corners = np.concatenate(triangles)
         first = np.cumsum([0, *map(len, triangles)])
-        rows = [
-            _constants(body, int(at), stone, water)
-            for (body, (stone, water)), at in zip(wet.items(), first[:-1], strict=True)
-        ]
+        rows = [_constants(one, int(at)) for one, at in zip(wet, first[:-1], strict=True)]
         device = self._device
         self._bodies = wp.array(rows, dtype=kernels.WetBody, device=device)
         self._corners = [
@@ -170,41 +170,60 @@ class WarpWater:
         normals = (vectors / areas[:, None]).astype(np.float32)
         self._normals = wp.array(normals, dtype=wp.vec3, device=device)
         self._areas = wp.array(areas.astype(np.float32), dtype=float, device=device)
-        self._moves = wp.array(_moved(model, list(wet)), dtype=int, device=device)
+        self._moves = wp.array(_moved(model, list(self.bodies)), dtype=int, device=device)
+
+
+@dataclass(frozen=True, eq=False)
+class _Wet:
+    """A wet body: its id, its centre of mass in its own frame, its hull and its fluid."""
+
+    body: int
+    centre: Array
+    hull: Hull
+    water: Water
 
 
 def _wet_bodies(
-    model: mujoco.MjModel, water: Water | None, bodies: Sequence[str] | None
-) -> dict[int, tuple[Stone, Water]]:
-    """Hull and fluid of every body the water acts on, by id."""
-    plugged = {
-        body: fluid
-        for body in range(1, model.nbody)
-        if (fluid := plugin_water(model, body)) is not None
-    }
-    if bodies is not None:
-        ids = [find_body(model, name) for name in bodies]
-    else:
-        ids = list(plugged) or free_bodies(model)
-    if not ids:
-        raise SceneError(
-            "this model has no body with plugin mjskip.water and no free body: name bodies="
-        )
-    default = Water()
-    return {body: (body_stone(model, body), water or plugged.get(body, default)) for body in ids}
+    model: mujoco.MjModel, water: Water | None, bodies: Sequence[str | int] | None
+) -> list[_Wet]:
+    """Every body the water acts on: those of the plugin, or as `mjskip.attach` chooses them."""
+    found = [] if bodies is not None else plugin_bodies(model)
+    if not found:
+        for one in select(model, bodies).wet:
+            inertia = inertia_of(model, one.body, one.members)
+            built = hull_of(model, one, HullOptions(), inertia)
+            found.append((one, inertia, built, water or Water()))
+    wet = [
+        _Wet(one.body, inertia.centre, built.hull, water or fluid)
+        for one, inertia, built, fluid in found
+        if built.hull is not None
+    ]
+    if not wet:
+        raise SceneError("this model has no geom for water to act on")
+    for each in wet:
+        _check_known(each.water)
+    return wet
 
 
-def _constants(body: int, first: int, stone: Stone, water: Water) -> Any:
-    law = LAWS[water.law]
+def _check_known(water: Water) -> None:
+    """Refuse what is integrated over faces, which is not here."""
+    if LAWS[water.law].forward or water.quadrature:
+        known = ", ".join(name for name, law in LAWS.items() if not law.forward)
+        what = "quadrature is True" if water.quadrature else f"law is {water.law!r}"
+        raise ValueError(f"{what}: for Warp use one of {known}, without quadrature")
+
+
+def _constants(one: _Wet, first: int) -> Any:
+    stone, water, law = one.hull, one.water, LAWS[one.water.law]
     wet = kernels.WetBody()
-    wet.body, wet.first, wet.count = body, first, len(stone.faces)
+    wet.body, wet.first, wet.count = one.body, first, len(stone.faces)
+    wet.centre = wp.vec3(*one.centre)
     wet.radius = stone.radius
     wet.local = int(water.gate == "local")
     wet.squared = water.density * law.normal_squared
     wet.mixed = water.density * law.speed_normal
     wet.plain = water.density * law.speed_squared
     wet.friction = water.density * law.friction
-    wet.forward = int(law.forward)
     wet.weight = water.density if water.buoyancy else 0.0
     wet.skin = water.density if water.skin_friction else 0.0
     wet.viscosity = water.viscosity
