@@ -21,11 +21,12 @@ from scipy.spatial.transform import Rotation
 from mjskip import Stone, Throw
 from mjskip.cli import main
 from mjskip.errors import MjskipError, SceneError
-from mjskip.play.player import AFTER, MOST_AT_ONCE, Pace, Player, Replay, pose
+from mjskip.play.player import AFTER, MOST_AT_ONCE, Pace, Player, Replay
 from mjskip.play.settings import Settings
 from mjskip.play.surface import EVEN, HORIZON, SHAPE, DrawnWater, axis
 from mjskip.play.thrown import Shelf, table, turned
 from mjskip.throws.scene import load_scene
+from mjskip.throws.trajectory import pose_at
 from mjskip.waves.lake import Lake
 
 PATIENCE = 120.0  # [s]: only a hang takes longer, even where other work fills the machine
@@ -304,11 +305,11 @@ def test_the_water_of_the_show_gets_the_impulse_that_the_stone_got(thrown):
 
 def test_a_frame_shows_the_stone_where_it_was(thrown):
     flight = thrown.chosen
-    position, attitude = pose(flight, 0.2)
+    position, attitude = pose_at(flight, 0.2)
     row = int(np.searchsorted(flight.time, 0.2, side="right")) - 1
     np.testing.assert_array_equal(position, flight.x[row])
     assert Rotation.from_quat(attitude, scalar_first=True).as_matrix()[2, 2] > 0.5
-    assert (pose(flight, 1e9)[0] == flight.x[-1]).all()
+    assert (pose_at(flight, 1e9)[0] == flight.x[-1]).all()
 
 
 class Stage:

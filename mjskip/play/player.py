@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip.play.thrown import Thrown
-from mjskip.throws.trajectory import Trajectory
+from mjskip.throws.trajectory import pose_at
 from mjskip.throws.wake import Wake
 from mjskip.waves.lake import Lake
 
@@ -97,18 +97,12 @@ class Replay:
         return Frame(
             thrown=self.thrown,
             time=until,
-            poses={name: pose(flight, until) for name, flight in self.thrown.flights.items()},
+            poses={name: pose_at(flight, until) for name, flight in self.thrown.flights.items()},
             touches=sum(contact.entry.time <= until for contact in contacts),
             lake=self.lake,
             late=late,
             last=until >= self.end,
         )
-
-
-def pose(flight: Trajectory, when: float) -> tuple[Array, Array]:
-    """The row (position, orientation) that holds at a time; rows are closer than frames."""
-    row = max(int(np.searchsorted(flight.time, when, side="right")) - 1, 0)
-    return flight.x[row], flight.q[row]
 
 
 def _lake(thrown: Thrown) -> Lake:
