@@ -24,7 +24,7 @@ from mjskip.errors import MjskipError, SceneError
 from mjskip.play.player import AFTER, MOST_AT_ONCE, Pace, Player, Replay
 from mjskip.play.settings import Settings
 from mjskip.play.surface import EVEN, HORIZON, SHAPE, DrawnWater, axis
-from mjskip.play.thrown import Shelf, table, turned
+from mjskip.play.thrown import Thrower, table, turned
 from mjskip.throws.scene import load_scene
 from mjskip.throws.trajectory import pose_at
 from mjskip.waves.lake import Lake
@@ -34,7 +34,7 @@ PATIENCE = 120.0  # [s]: only a hang takes longer, even where other work fills t
 
 @pytest.fixture(scope="module")
 def shelf(lake):
-    with contextlib.closing(Shelf(lake)) as shelf:
+    with contextlib.closing(Thrower(lake)) as shelf:
         yield shelf
 
 
@@ -160,7 +160,7 @@ def test_a_heavier_stone_of_the_same_shape_goes_deeper_at_its_first_touch(shelf,
 
 def test_the_shelf_of_stones_does_not_grow_without_end(lake, default, monkeypatch):
     monkeypatch.setattr("mjskip.play.thrown.MOST_STONES", 2)
-    with contextlib.closing(Shelf(lake)) as shelf:
+    with contextlib.closing(Thrower(lake)) as shelf:
         for radius in (3, 4, 5, 6):
             shelf.model_file(default.changed({"stone": "pebble", "radius": radius}))
         assert len(shelf._made) == 2
@@ -176,7 +176,7 @@ def test_a_throw_too_fast_for_its_time_step_is_doubted_on_the_page(shelf, defaul
 
 def test_an_arms_throw_is_not_the_pages_to_choose():
     with pytest.raises(SceneError, match="thrown by the arm"):
-        Shelf(load_scene("thrower"))
+        Thrower(load_scene("thrower"))
 
 
 def test_throws_from_many_tabs_at_once_are_those_made_alone(shelf, default):

@@ -45,6 +45,10 @@ def throw_options(function: F) -> F:
             "--skin-friction/--no-skin-friction", default=None,
             help="The water rubs: ITTC 1957.  [default: the scene's]",
         ),
+        click.option(
+            "--quadrature/--no-quadrature", default=None,
+            help="Loads integrated over faces, not taken at centroids.  [default: the scene's]",
+        ),
     )(function)  # fmt: skip
 
 
@@ -84,6 +88,7 @@ def chosen_scene(
     gate: str | None,
     buoyancy: bool | None,
     skin_friction: bool | None,
+    quadrature: bool | None,
     **throw: float | None,
 ) -> Scene:
     """The scene with what was asked for at the command line."""
@@ -92,6 +97,7 @@ def chosen_scene(
     loaded = loaded.rethrow(**given)
     water: dict[str, Any] = {
         "law": law, "gate": gate, "buoyancy": buoyancy, "skin_friction": skin_friction,
+        "quadrature": quadrature,
     }  # fmt: skip
     water = {key: value for key, value in water.items() if value is not None}
     return replace(loaded, water=replace(loaded.water, **water)) if water else loaded

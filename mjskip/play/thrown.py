@@ -25,7 +25,7 @@ MOST_STONES = 100
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Thrown:
+class ThrowResult:
     """A run, from the hand to its end.
 
     Attributes:
@@ -53,7 +53,7 @@ class Thrown:
         return self.chosen.skips
 
 
-class Shelf:
+class Thrower:
     """The stones that can be thrown in one scene. Safe to use from several threads."""
 
     def __init__(self, scene: Scene) -> None:
@@ -76,7 +76,7 @@ class Shelf:
         """Throw the made stones away."""
         self._folder.cleanup()
 
-    def throw(self, settings: Settings) -> Thrown:
+    def throw(self, settings: Settings) -> ThrowResult:
         """Throw, and wait until the run is known: some 50 ms on still water.
 
         Raises:
@@ -92,7 +92,7 @@ class Shelf:
                 scene = replace(scene, water=replace(scene.water, law=settings.law))
             surface: Any = settings.surface
             flights = simulate_all(scene, surface=surface)
-        return Thrown(
+        return ThrowResult(
             settings=settings,
             scene=scene,
             flights=flights,
