@@ -158,7 +158,7 @@ def test_a_heavier_stone_of_the_same_shape_goes_deeper_at_its_first_touch(shelf,
     assert depths[1] > depths[0]
 
 
-def test_the_shelf_of_stones_does_not_grow_without_end(lake, default, monkeypatch):
+def test_the_thrower_of_stones_does_not_grow_without_end(lake, default, monkeypatch):
     monkeypatch.setattr("mjskip.play.thrown.MOST_STONES", 2)
     with contextlib.closing(Thrower(lake)) as shelf:
         for radius in (3, 4, 5, 6):
@@ -523,7 +523,7 @@ def test_no_page_can_make_the_playground_public(playground):
 
 
 def test_the_default_throw_skips_on_the_page_as_at_the_command_line(playground, default):
-    assert playground._shelf.throw(default).skips >= 2
+    assert playground._thrower.throw(default).skips >= 2
 
 
 @contextlib.contextmanager

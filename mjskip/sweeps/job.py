@@ -15,9 +15,9 @@ import numpy as np
 from mjskip.checks import check_positive
 from mjskip.errors import DivergedError, MjskipError, MjskipWarning
 from mjskip.hydro.stone import Stone
-from mjskip.hydro.water import Water
+from mjskip.hydro.water import SWITCHES, Water
 from mjskip.sweeps.batch import Air, throw_all
-from mjskip.sweeps.design import NAMED, STONE, SWITCHES, THROW, WATER, Design
+from mjskip.sweeps.design import NAMED, STONE, THROW, WATER, Design
 from mjskip.throws.recording import Limits
 from mjskip.throws.scene import Scene, load_scene
 from mjskip.throws.simulate import simulate
