@@ -8,11 +8,11 @@ load = mjskip.jax.wrench(stone, water)
 jax.jacfwd(lambda v: load(mjskip.jax.State(x, q, v, omega)).force)(velocity)
 """
 
+from mjskip.jax.forces import Load as Load
+from mjskip.jax.forces import rotation as rotation
+from mjskip.jax.forces import wrench as wrench
 from mjskip.jax.motion import State as State
 from mjskip.jax.motion import fly as fly
 from mjskip.jax.motion import step as step
-from mjskip.jax.wrench import Load as Load
-from mjskip.jax.wrench import rotation as rotation
-from mjskip.jax.wrench import wrench as wrench
 
 __all__ = ["Load", "State", "fly", "rotation", "step", "wrench"]

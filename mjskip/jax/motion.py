@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from mjskip.jax.wrench import Load, rotation
+from mjskip.jax.forces import Load, rotation
 
 
 class State(NamedTuple):

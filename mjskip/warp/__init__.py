@@ -9,8 +9,8 @@ water = mjskip.warp.attach(m, model)
 mujoco_warp.step(m, d)
 """
 
-from mjskip.warp.attach import WarpWater as WarpWater
-from mjskip.warp.attach import attach as attach
-from mjskip.warp.attach import strip_plugin as strip_plugin
+from mjskip.warp.coupling import WarpWater as WarpWater
+from mjskip.warp.coupling import attach as attach
+from mjskip.warp.coupling import strip_plugin as strip_plugin
 
 __all__ = ["WarpWater", "attach", "strip_plugin"]
