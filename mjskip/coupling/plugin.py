@@ -59,7 +59,7 @@ from mjskip.coupling.sea import (
     surface_of,
 )
 from mjskip.coupling.selection import GeomRule, WetBody, geom_rule, members_of, wet_body
-from mjskip.coupling.wet import BuiltHull, HullOptions, hull_of, inertia_of
+from mjskip.coupling.wet import BuiltHull, HullOptions, Inertia, hull_of, inertia_of
 from mjskip.errors import MjskipError, MjskipWarning, SceneError
 from mjskip.hydro.seas import Sea
 from mjskip.hydro.water import Water
@@ -116,6 +116,23 @@ def plugin_options(model: mujoco.MjModel, body: int) -> HullOptions:
     while int(model.body_plugin[carrier]) < 0 and carrier > 0:
         carrier = int(model.body_parentid[carrier])
     return _configured(_layout.ModelView(model._address), int(model.body_plugin[carrier])).options
+
+
+def plugin_bodies(
+    model: mujoco.MjModel,
+) -> list[tuple[WetBody, Inertia, BuiltHull, Water]]:
+    """The bodies that the plugin wets in a compiled model, what they are to it, and their fluid."""
+    view, slot, found = _layout.ModelView(model._address), _slot(), []
+    for instance in range(model.nplugin):
+        if slot < 0 or model.plugin[instance] != slot:
+            continue
+        told = _configured(view, instance)
+        for body in _heads(view, instance, told):
+            wet = _wet(view, body, told)
+            if wet.geoms:
+                inertia = inertia_of(view, body, wet.members)
+                found.append((wet, inertia, hull_of(view, wet, told.options, inertia), told.water))
+    return found
 
 
 def _slot() -> int:

@@ -534,7 +534,7 @@ def push_waves(
     scratch: Any, added: Any,
 ) -> None:  # fmt: skip
     """What a body gives to the surface in a step that ends now, added to `added` (2 waves,)."""
-    waves, count = int(surface[WAVES]), int(surface[KNOWN])
+    waves = int(surface[WAVES])
     w = int(surface[AT_WAVES])
     yaw = heading(body, pose)
     x, y = _offset(surface, state, pose)
