@@ -27,7 +27,7 @@ GAMMA = 3.3
 """Peak enhancement of the mean JONSWAP spectrum."""
 LOWEST, HIGHEST = 0.5, 3.4
 """Frequencies of an irregular sea, over the peak's: some 99% of its energy lies between."""
-COMPONENTS = 96
+COMPONENTS = 128
 TEXT_KEYS = {
     "height": "height of a regular wave, crest to trough [m]",
     "period": "of a regular wave [s]",
@@ -185,8 +185,8 @@ class Sea:
         edges = np.linspace(LOWEST, HIGHEST, components + 1) * 2.0 * math.pi / tp
         omega = edges[:-1] + np.diff(edges) * random.random(components)
         phase = 2.0 * math.pi * random.random(components)
-        heights = spectrum(omega, hs=hs, tp=tp, gamma=gamma)
-        energy = heights * np.diff(edges)
+        within = edges[:-1, None] + np.diff(edges)[:, None] * (np.arange(8) + 0.5) / 8.0
+        energy = spectrum(within, hs=hs, tp=tp, gamma=gamma).mean(axis=1) * np.diff(edges)
         amplitude = np.sqrt(2.0 * energy)
         if hs > 0.0:
             amplitude *= hs / (4.0 * math.sqrt(float(energy.sum())))
