@@ -13,8 +13,8 @@ import numpy.typing as npt
 from mjskip.draw import tiles
 from mjskip.draw.appearance import WaterAppearance
 from mjskip.draw.geoms import SURELY_ABOVE, Ellipsoids, Standing, moving_geoms, outlines, sun_of
-from mjskip.draw.gl import offscreen
-from mjskip.draw.passes import VIEW_ROWS, WaterPasses, gl, has_shaders, own_state
+from mjskip.draw.gl import offscreen, shaders_work
+from mjskip.draw.passes import VIEW_ROWS, WaterPasses, gl, own_state
 from mjskip.draw.surface import BLOCK, BORDER, Patch, ShaderSurface, patch_of
 from mjskip.draw.surroundings import Surroundings
 from mjskip.errors import RenderError
@@ -93,16 +93,14 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         self._surroundings: Surroundings | None = None
         self._time = 0.0
         self._patch((0.0, 0.0))
+        if not shaders_work():
+            raise RenderError(
+                "this OpenGL does not know GLSL 3.30: update its driver, or film with look='plain'"
+            )
         with offscreen():
             super().__init__(model, height, width, max_geom, font_scale)
-        with self._current():
-            if not has_shaders():
-                self.close()
-                raise RenderError(
-                    "this OpenGL does not know GLSL 3.30: draw with look='plain', or update its driver"
-                )
-            with own_state():
-                self._passes = WaterPasses((width, height))
+        with self._current(), own_state():
+            self._passes = WaterPasses((width, height))
         self._sun = sun_of(model)
         self._standing, self._moving = Standing.of(model), moving_geoms(model)
         self._ellipsoids = Ellipsoids.of(model, self._moving)
