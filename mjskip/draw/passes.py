@@ -122,7 +122,7 @@ class Texture:
         *,
         smooth: bool = True,
         repeat: str = "CLAMP_TO_EDGE",
-        levels: bool = False,
+        levels: str = "",
         cube: bool = False,
     ) -> None:
         """Make room.
@@ -132,7 +132,7 @@ class Texture:
             kind: "RGBA8", "R32F" or "DEPTH32F_STENCIL8".
             smooth: whether it is interpolated between pixels.
             repeat: what is beyond the edges, OpenGL's name.
-            levels: whether it has smaller copies of itself.
+            levels: how it is interpolated between smaller copies of itself, "LINEAR" or "NEAREST"; "" without.
             cube: whether it has six sides.
         """
         # the wrapped glTexImage2D knows no depth with stencil
@@ -153,7 +153,7 @@ class Texture:
             inner = getattr(g, f"GL_{kind}")
             glTexImage2D(target, 0, inner, *size, 0, form, part, None)
         filtering = "LINEAR" if smooth else "NEAREST"
-        smaller = f"{filtering}_MIPMAP_LINEAR" if levels else filtering
+        smaller = f"{filtering}_MIPMAP_{levels}" if levels else filtering
         for key, value in (
             ("MAG_FILTER", filtering), ("MIN_FILTER", smaller), ("WRAP_S", repeat), ("WRAP_T", repeat)
         ):  # fmt: skip
@@ -259,7 +259,7 @@ class WaterPasses:
         g.glBindBuffer(g.GL_UNIFORM_BUFFER, self._view)
         g.glBufferData(g.GL_UNIFORM_BUFFER, 16 * VIEW_ROWS, None, g.GL_STREAM_DRAW)
         tile = ripples()
-        breath = Texture((tile.shape[1], tile.shape[0]), "RGBA8", repeat="REPEAT", levels=True)
+        breath = Texture((tile.shape[1], tile.shape[0]), "RGBA8", repeat="REPEAT", levels="NEAREST")
         breath.put(tile)
         breath.make_levels()
         self.inputs: dict[str, Texture] = {"ripples": breath}

@@ -230,14 +230,13 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         water, whole, boxes = tiles.footprints(view, size)
         first = np.array(patch.origin) - (BORDER + 0.5) * patch.spacing
         waves = tiles.rough(boxes, self._surface.tallest, first, patch.spacing, depth)
-        images = tiles.around_bodies(eye, sun, self._bodies[:, :4], depth)
+        mirror, dive, shade = tiles.around_bodies(eye, sun, self._bodies[:, :4], depth)
         before = tiles.hidden_by(eye, *self._outlines)
-        standing, bodies, hidden = (
-            tiles.overlap(boxes, others) for others in (self._standing.boxes, images, before)
-        )
         # what else a scene holds, marks of a user for instance, may be anywhere
         whole &= self._usual and not self._scene.nskin and not self._scene.nflex
-        return tiles.programs(water, waves, standing, bodies, hidden, whole)
+        others = before, self._standing.boxes, mirror, dive, shade
+        hidden, *special = (tiles.overlap(boxes, other) for other in others)
+        return tiles.programs(water, whole, hidden, waves, *special)
 
     def _patch(self, focus: tuple[float, float]) -> Patch:
         """What is drawn of the water now."""
@@ -277,7 +276,7 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         ):
             scale = 1.0 / (np.array(values.shape[:2]) * side)
             view[row] = *(-first * scale), *scale
-        view[7, 0] = patch.spacing
+        view[7, :2] = patch.spacing, -self._depth
         view[0, 3] = 1.0 if position[2] > _height_at(patch, position) else -1.0
         sun, colour = self._sun
         view[8] = *sun, 0.0 if self.linear else self.appearance.wind
