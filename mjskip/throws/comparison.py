@@ -9,7 +9,6 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from mjskip.checks import check_positive
 from mjskip.errors import DivergedError, MjskipWarning
@@ -18,8 +17,6 @@ from mjskip.throws.recording import Limits
 from mjskip.throws.scene import Scene
 from mjskip.throws.simulate import simulate
 from mjskip.throws.trajectory import Trajectory
-
-Array = npt.NDArray[np.float64]
 
 LADDER = (2e-3, 1e-3, 5e-4, 2e-4, 1e-4)
 """Time steps [s]; each is a multiple of the smallest, so that all runs share its moments."""
