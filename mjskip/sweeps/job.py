@@ -128,20 +128,8 @@ def _by_reference(job: Job, todo: list[Any], found: dict[str, Any], threads: int
         gravity=job.gravity, air=job.air, threads=threads,
     )  # fmt: skip
     lost = done.end == "diverged"
-    results = {
-        "skips": done.skips,
-        "touches": done.touches,
-        "time": done.time,
-        "distance": done.distance,
-        "drift": done.drift,
-        "depth": done.depth,
-        "first_entry": done.first_entry,
-        "first_exit": done.first_exit,
-        "exit_speed": np.linalg.norm(done.exit_velocity, axis=1),
-        "exit_climb": done.exit_velocity[:, 2],
-    }
-    for name, values in results.items():
-        found[name][rows] = np.where(lost, np.nan, values)
+    for name in RESULTS:
+        found[name][rows] = np.where(lost, np.nan, getattr(done, name))
     found["end"][rows] = done.end
     found["status"][rows] = np.where(lost, "diverged", "ok")
     for row, time, gone in zip(rows, done.time, lost, strict=True):
