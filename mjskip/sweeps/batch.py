@@ -130,6 +130,8 @@ def throw_all(
     check_positive(timestep=timestep)
     check_choice("integrator", integrator, FIXED_STEP)
     check_choice("air", air, AIRS)
+    if not isinstance(throws, Sequence):
+        raise fault("throws", throws, "give a row of throws")
     count = len(throws)
     stones = _each("stone", stone, Stone, count)
     waters = _each("water", Water() if water is None else water, Water, count)
