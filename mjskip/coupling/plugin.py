@@ -46,7 +46,7 @@ from mjskip.coupling._struct_layout import library
 from mjskip.coupling.bodies import SOLIDS, body_name, geom_name, kind_name
 from mjskip.coupling.records import doubts, make_record, too_large_step
 from mjskip.coupling.selection import GeomRule, WetBody, geom_rule, wet_body
-from mjskip.coupling.wet import BuiltHull, HullOptions, hull_of, inertia_of
+from mjskip.coupling.wet import BuiltHull, HullOptions, Inertia, hull_of, inertia_of
 from mjskip.errors import MjskipError, MjskipWarning, SceneError
 from mjskip.hydro.water import Water
 from mjskip.hydro.wrench import immersion_address, pack, wrench_address
@@ -102,6 +102,23 @@ def plugin_options(model: mujoco.MjModel, body: int) -> HullOptions:
     while int(model.body_plugin[carrier]) < 0 and carrier > 0:
         carrier = int(model.body_parentid[carrier])
     return _configured(_layout.ModelView(model._address), int(model.body_plugin[carrier])).options
+
+
+def plugin_bodies(
+    model: mujoco.MjModel,
+) -> list[tuple[WetBody, Inertia, BuiltHull, Water]]:
+    """The bodies that the plugin wets in a compiled model, what they are to it, and their fluid."""
+    view, slot, found = _layout.ModelView(model._address), _slot(), []
+    for instance in range(model.nplugin):
+        if slot < 0 or model.plugin[instance] != slot:
+            continue
+        told = _configured(view, instance)
+        for body in _heads(view, instance, told):
+            wet = _wet(view, body, told)
+            if wet.geoms:
+                inertia = inertia_of(view, body, wet.members)
+                found.append((wet, inertia, hull_of(view, wet, told.options, inertia), told.water))
+    return found
 
 
 def _slot() -> int:
