@@ -30,6 +30,18 @@ WRONG = {
     "nothing for a scene": (lambda: mjskip.load_scene(None), "scene is None: give a path"),
     "a number for a scene": (lambda: mjskip.load_scene(3), "scene is 3: give a path"),
     "a number for a body": (lambda: mjskip.load_scene("lake", body=0), "body is 0: give the name"),
+    # a run
+    "a dict to throw": (lambda: mjskip.simulate("lake", {"speed": 3}), r"throw is \{.*: give a mjskip\.T"),
+    "a dict of limits": (
+        lambda: mjskip.simulate("lake", limits={"duration": 1}), r"limits is \{.*: give a mjskip\.Limits",
+    ),
+    "nothing to throw in": (lambda: mjskip.simulate(None), "scene is None: give a path"),
+    "no such engine": (lambda: mjskip.simulate("lake", engine=1), "engine is 1: use one of mujoco, ref"),
+    "no such surface": (lambda: mjskip.simulate_all("lake", surface="wet"), "surface is 'wet': use one"),
+    "text for a run's step": (lambda: mjskip.simulate("lake", timestep="1"), "timestep is '1': give a f"),
+    "a word for frozen": (
+        lambda: mjskip.simulate("lake", frozen_attitude="no"), "frozen_attitude is 'no': give True or",
+    ),
     # the pure integrator
     "a path for a stone": (lambda: mjskip.integrate("a.stl", Throw()), r"stone is 'a\.stl': give a mj"),
     "a dict for a throw": (lambda: mjskip.integrate(PEBBLE, {}), r"throw is \{\}: give a mjskip\.Throw"),
