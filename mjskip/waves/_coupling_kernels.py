@@ -314,14 +314,14 @@ def surface_response(
 
 @kernel
 def surface_response_by_distance(
-    faces: Any, count: int, profile: Any, per_metre: float, factor: float, matrix: Any
+    faces: Any, count: int, profile: Any, per_area: float, factor: float, matrix: Any
 ) -> None:
-    """The same with S_i G S_j^T / d^2 from a table in the distance of the load points, 0 beyond it.
+    """The same with S_i G S_j^T / d^2 from a table in the squared distance of the load points, 0 beyond it.
 
     Args:
         faces, count: the faces.
-        profile: at distances 0, 1, ... / per_metre, linear between them [1/m^3].
-        per_metre: entries per metre.
+        profile: at squared distances 0, 1, ... / per_area, linear between them [1/m^3].
+        per_area: entries per square metre.
         factor: dt / (2 rho (1 + mu dt / 2)).
         matrix: out (n, n).
     """
@@ -331,13 +331,13 @@ def surface_response_by_distance(
         scale = factor * faces[n, NORMAL + 2]
         for m in range(n, count):
             dx, dy = faces[m, POINT_X] - x, faces[m, POINT_Y] - y
-            place = math.sqrt(dx * dx + dy * dy) * per_metre
+            place = (dx * dx + dy * dy) * per_area
             found = 0.0
             if place < last:
                 k = int(place)
                 place -= k
                 found = profile[k] + place * (profile[k + 1] - profile[k])
-            found *= scale * faces[m, NORMAL + 2]
+                found *= scale * faces[m, NORMAL + 2]
             matrix[n, m] = found
             matrix[m, n] = found
 
@@ -479,7 +479,7 @@ def solve_loads(
         mean_states: with the velocities that loads act on; `states` inside another integrator.
         surface: frame, level, rate, open cells.
         radius: of the bumps [m].
-        response: impulse, profile and its entries per metre; the profile is used if the impulse is empty.
+        response: impulse, profile and its entries per square metre; the profile is used if the impulse is empty.
         factor: dt / (2 rho (1 + mu dt / 2)).
         bodies: (n, MOBILITY), for `kick` > 0.
         kick: dt / 2 if the bodies are kicked by the loads here; 0 inside another integrator.
@@ -488,7 +488,7 @@ def solve_loads(
             the surface's shape; m all triangles of all bodies.
     """
     frame, level, rate, open_cells = surface
-    impulse, profile, per_metre = response
+    impulse, profile, per_area = response
     faces, spots, matrix, speeds, loads, field = work
     side = math.floor(2.0 * radius / frame[SPACING]) + 1
     count = 0
@@ -503,7 +503,7 @@ def solve_loads(
         area = frame[SPACING] * frame[SPACING]
         surface_response(faces, count, spots, side, impulse, factor / area, field, matrix)
     else:
-        surface_response_by_distance(faces, count, profile, per_metre, factor, matrix)
+        surface_response_by_distance(faces, count, profile, per_area, factor, matrix)
     if kick > 0.0:
         add_mobility(faces, count, bodies, kick, matrix)
     return count, solve(faces, count, matrix, tolerance, MOST_SWEEPS, speeds, loads)
