@@ -5,6 +5,7 @@ All that moves is state of the plugin in MjData, from `plugin_stateadr` of the i
     window       level, potential and rate (`mjskip.waves._window_kernels`)
     evaluations  of the force since the surface was last stepped
     placed       0 until the window has been put under its bodies
+    stirred      0 while nothing has pressed on the water, which then needs no step
     ring         of the last four evaluations: number of loads, then their place and vertical force on the water
 
 Every evaluation of the force (four a step for RK4) solves loads and the surface's answer to them at pose and velocity
@@ -56,7 +57,7 @@ SURFACE = 7  # then the water, then the profile
 
 SPLIT = RECORD  # of a wet body's record: address of its block with faces no longer than LOAD_RADIUS
 
-EVALUATIONS, PLACED, TAIL = 0, 1, 2  # of the state, after the window's
+EVALUATIONS, PLACED, STIRRED, TAIL = 0, 1, 2, 3  # of the state, after the window's
 STAGES = 4
 MOST_LOADS = 256
 """Loads that are kept of an evaluation; more are added to those at their mean place."""
@@ -67,7 +68,7 @@ TOLERANCE = 1e-9
 
 RK4 = 1  # mjtIntegrator
 SITE = 6  # mjtObj
-GEOM_TRIANGLE, GEOM_ARROW = 105, 100  # mjtGeom
+GEOM_TRIANGLE, GEOM_ARROW = 108, 100  # mjtGeom
 
 INSTANCE, CAPABILITY, RECORDS, SCENE, ARGUMENTS = 0, 1, 2, 3, 4
 
@@ -222,6 +223,7 @@ def _keep_loads(state: Any, cells: int, faces: Any, loads: Any, count: int) -> N
         force = -loads[k] * faces[k, coupling.NORMAL + 2]
         if force == 0.0:
             continue
+        tail[STIRRED] = 1.0
         at = 1 + LOAD * (kept % MOST_LOADS)
         if kept < MOST_LOADS:
             ring[at], ring[at + 1] = faces[k, coupling.POINT_X], faces[k, coupling.POINT_Y]
@@ -300,13 +302,22 @@ def moving_compute(model: int, data: int, arguments: int) -> None:
                 _push_sum(table, model, data, ids[b, 0], states[b], wrenches[b], scratch)
             else:
                 plugin.warn(data, ids[b, 0])
-    if capability & plugin.SENSOR:
+    if capability & plugin.SENSOR and _has_sensors(table, model, instance):
         ids, states, wrenches = gather(table, model, data, instance, False, scratch)
         couple(surface, state, ids, states, wrenches, timestep)
         names = ints(table, model, plugin.SENSOR_PLUGIN)
         for sensor in range(size(table, model, plugin.NSENSOR)):
             if names[sensor] == instance:
                 _sense(table, model, data, instance, sensor, surface, state, ids, states, wrenches)
+
+
+@kernel
+def _has_sensors(table: Any, model: int, instance: int) -> bool:
+    names = ints(table, model, plugin.SENSOR_PLUGIN)
+    for sensor in range(size(table, model, plugin.NSENSOR)):
+        if names[sensor] == instance:
+            return True
+    return False
 
 
 @kernel
@@ -390,19 +401,56 @@ def moving_advance(model: int, data: int, arguments: int) -> None:
     stages = int(min(tail[EVALUATIONS], 1e9))
     integrator = as_ints(model + table[plugin.INTEGRATOR])[0]
     last = (stages - 1) % STAGES if stages > 0 else 0
+    if integrator == RK4 and stages >= STAGES:
+        _mean_of_stages(state, cells, last)
+    if tail[STIRRED] == 0.0:
+        parts = 0
     for _ in range(parts):
         window.relax(water, state, timestep / parts)
-        if integrator == RK4 and stages >= STAGES:
-            for k in range(STAGES):
-                weight = 1.0 / 6.0 if k == 0 or k == 3 else 1.0 / 3.0
-                _press_ring(
-                    numbers, water, state, (last + 1 + k) % STAGES, weight * timestep / parts
-                )
-        elif stages > 0:
+        if stages > 0:
             _press_ring(numbers, water, state, last, timestep / parts)
         window.flow(water, state, timestep / parts)
     tail[EVALUATIONS] = 0.0
     _place(water, state, table, model, data, instance)
+
+
+@kernel
+def _mean_of_stages(state: Any, cells: int, last: int) -> None:
+    """1/6, 1/3, 1/3, 1/6 of the four slots of the ring into the last one.
+
+    Where all have as many loads, these are the same faces: their forces are added at their mean place. Else the
+    slots are put one after the other, as far as there is room.
+    """
+    ring = state[window.STATE + 3 * cells * cells + TAIL :].copy()
+    width = 1 + LOAD * MOST_LOADS
+    out = state[window.STATE + 3 * cells * cells + TAIL + last * width :]
+    most = least = int(ring[last * width])
+    for slot in range(STAGES):
+        most, least = max(most, int(ring[slot * width])), min(least, int(ring[slot * width]))
+    if most == least:
+        for k in range(most):
+            x = y = total = 0.0
+            for stage in range(STAGES):
+                at = (last + 1 + stage) % STAGES * width + 1 + LOAD * k
+                weight = 1.0 / 6.0 if stage == 0 or stage == STAGES - 1 else 1.0 / 3.0
+                x += weight * ring[at]
+                y += weight * ring[at + 1]
+                total += weight * ring[at + 2]
+            out[1 + LOAD * k], out[2 + LOAD * k], out[3 + LOAD * k] = x, y, total
+        return
+    kept = 0
+    for stage in range(STAGES):
+        first = (last + 1 + stage) % STAGES * width
+        weight = 1.0 / 6.0 if stage == 0 or stage == STAGES - 1 else 1.0 / 3.0
+        for k in range(int(ring[first])):
+            at = first + 1 + LOAD * k
+            if kept < MOST_LOADS:
+                out[1 + LOAD * kept], out[2 + LOAD * kept] = ring[at], ring[at + 1]
+                out[3 + LOAD * kept] = weight * ring[at + 2]
+                kept += 1
+            else:
+                out[LOAD * kept] += weight * ring[at + 2]
+    out[0] = kept
 
 
 @kernel
@@ -415,7 +463,8 @@ def _press_ring(numbers: Any, water: Any, state: Any, slot: int, duration: float
         return
     frame = _frame_of(water, state)
     side = math.floor(2.0 * numbers[LOAD_RADIUS] / frame[coupling.SPACING]) + 1
-    faces, spots = np.empty((1, coupling.FACE)), np.empty((1, coupling.SPOT + side * side))
+    faces = np.empty((count, coupling.FACE))
+    spots = np.empty((count, coupling.SPOT + side * side))
     everywhere = np.ones((cells, cells), np.uint8)
     potential = window.plane(state, cells, 1)
     area = water[window.SPACING] * water[window.SPACING]
@@ -423,23 +472,22 @@ def _press_ring(numbers: Any, water: Any, state: Any, slot: int, duration: float
         area * water[window.DENSITY] * (1.0 + 0.5 * duration * water[window.DAMPING])
     )
     for k in range(count):
-        faces[0, coupling.POINT_X], faces[0, coupling.POINT_Y] = (
-            ring[1 + LOAD * k],
-            ring[2 + LOAD * k],
-        )
-        coupling.spread_bumps(faces, 1, frame, numbers[LOAD_RADIUS], everywhere, side, spots)
-        coupling.add_spot(spots[0], side, scale * ring[3 + LOAD * k], potential)
+        faces[k, coupling.POINT_X] = ring[1 + LOAD * k]
+        faces[k, coupling.POINT_Y] = ring[2 + LOAD * k]
+    coupling.spread_bumps(faces, count, frame, numbers[LOAD_RADIUS], everywhere, side, spots)
+    for k in range(count):
+        coupling.add_spot(spots[k], side, scale * ring[3 + LOAD * k], potential)
 
 
-NODES = 128
-"""Nodes of the drawn grid along a side at most."""
+MOST_TRIANGLES = 4000
+"""Of a drawn surface."""
 SKIRT = 8.0
 """Half width of the still water that is drawn round the window, in half widths of that."""
 
 
 @kernel
 def _nodes(cells: int, stride: int, out: Any) -> int:
-    """Places of grid lines in cells: every `stride` in the middle half, twice as far outside, and the skirt."""
+    """Places of grid lines in cells: every `stride` in the middle half, four times as far outside, and the skirt."""
     count = 1
     middle = 0.5 * (cells - 1)
     out[0] = middle - SKIRT * middle
@@ -448,7 +496,7 @@ def _nodes(cells: int, stride: int, out: Any) -> int:
         out[count] = place
         count += 1
         inside = 0.25 * cells <= place < 0.75 * cells
-        place += stride if inside else 2 * stride
+        place += stride if inside else 4 * stride
     out[count] = cells - 1
     out[count + 1] = middle + SKIRT * middle
     return count + 2
@@ -528,7 +576,7 @@ def _draw_surface(table: Any, scene: int, water: Any, state: Any, rgba: int, num
         - as_ints(scene + table[plugin.SCENE_NGEOM])[0]
     )
     stride, count = 1, _nodes(cells, 1, lines)
-    while 2 * (count - 1) * (count - 1) > min(free // 3, 4000) and stride < cells:
+    while 2 * (count - 1) * (count - 1) > min(free // 3, MOST_TRIANGLES) and stride < cells:
         stride += 1
         count = _nodes(cells, stride, lines)
     if 2 * (count - 1) * (count - 1) > free:
@@ -576,5 +624,5 @@ def moving_draw(model: int, data: int, arguments: int) -> None:
     if moving:
         water = _water_of(surface)
         state = _state_of(table, model, data, instance, int(water[window.CELLS]))
-        rgba[0], rgba[1], rgba[2], rgba[3] = 0.15, 0.42, 0.6, 0.6
+        rgba[0], rgba[1], rgba[2], rgba[3] = 0.25, 0.55, 0.75, 0.6
         _draw_surface(table, scene, water, state, address_of(rgba), numbers)

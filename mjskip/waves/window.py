@@ -204,7 +204,7 @@ class Window:
         self.absorbed += timestep * self.spacing**2 * float(np.sum(lost * rate))
 
     def follow(self, x: float, y: float) -> None:
-        """Move the square by whole cells until its middle is within one of a place [m]."""
+        """Move the square by whole cells if its middle is more than a sixteenth of its width off a place [m]."""
         first = self.state[: kernels.LEFT_VOLUME].copy()
         kernels.follow(self.water, self.state, x, y)
         if (self.state[: kernels.LEFT_VOLUME] != first).any():
