@@ -15,7 +15,11 @@ if TYPE_CHECKING:
     from mjskip.coupling.attach import attach as attach
     from mjskip.coupling.flotation import float_at_rest as float_at_rest
     from mjskip.coupling.plugin import register_plugin as register_plugin
+    from mjskip.coupling.water_surface import WaterSurface as WaterSurface
+    from mjskip.coupling.water_surface import add_water as add_water
+    from mjskip.draw.appearance import WaterAppearance as WaterAppearance
     from mjskip.draw.render import render_video as render_video
+    from mjskip.draw.renderer import Renderer as Renderer
     from mjskip.hydro.hull import Hull as Hull
     from mjskip.hydro.laws import LAWS as LAWS
     from mjskip.hydro.stone import Stone as Stone
@@ -38,8 +42,9 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = [
-    "LAWS", "Contact", "Coupling", "HeightField", "Hull", "Lake", "Limits", "Scene", "Stone", "Throw", "Trajectory", "Water",
-    "attach", "errors", "float_at_rest", "integrate", "load_scene", "optimize", "register_plugin", "render_video",
+    "LAWS", "Contact", "Coupling", "HeightField", "Hull", "Lake", "Limits", "Renderer", "Scene", "Stone", "Throw",
+    "Trajectory", "Water", "WaterAppearance", "WaterSurface", "add_water", "attach", "errors", "float_at_rest", "integrate", "load_scene",
+    "optimize", "register_plugin", "render_video",
     "simulate", "simulate_all", "sweep", "wrench",
 ]  # fmt: skip
 
@@ -47,7 +52,10 @@ _WHERE = {
     "coupling.attach": ["Coupling", "attach"],
     "coupling.flotation": ["float_at_rest"],
     "coupling.plugin": ["register_plugin"],
+    "coupling.water_surface": ["WaterSurface", "add_water"],
+    "draw.appearance": ["WaterAppearance"],
     "draw.render": ["render_video"],
+    "draw.renderer": ["Renderer"],
     "hydro.hull": ["Hull"],
     "hydro.laws": ["LAWS"],
     "hydro.stone": ["Stone"],

@@ -59,6 +59,8 @@ SPLIT = RECORD  # of a wet body's record: address of its block with faces no lon
 
 EVALUATIONS, PLACED, STIRRED, TAIL = 0, 1, 2, 3  # of the state, after the window's
 STAGES = 4
+WEIGHTS = (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0)
+"""Of RK4's stages."""
 MOST_LOADS = 256
 """Loads that are kept of an evaluation; more are added to those at their mean place."""
 LOAD = 3  # x, y, force
@@ -314,10 +316,10 @@ def moving_compute(model: int, data: int, arguments: int) -> None:
 @kernel
 def _has_sensors(table: Any, model: int, instance: int) -> bool:
     names = ints(table, model, plugin.SENSOR_PLUGIN)
+    found = 0
     for sensor in range(size(table, model, plugin.NSENSOR)):
-        if names[sensor] == instance:
-            return True
-    return False
+        found += int(names[sensor] == instance)
+    return found > 0
 
 
 @kernel
@@ -401,61 +403,56 @@ def moving_advance(model: int, data: int, arguments: int) -> None:
     stages = int(min(tail[EVALUATIONS], 1e9))
     integrator = as_ints(model + table[plugin.INTEGRATOR])[0]
     last = (stages - 1) % STAGES if stages > 0 else 0
-    if integrator == RK4 and stages >= STAGES:
-        _mean_of_stages(state, cells, last)
+    staged = integrator == RK4 and stages >= STAGES
+    if staged and _mean_of_stages(state, cells, last, 0.5 * numbers[LOAD_RADIUS]):
+        staged = False
     if tail[STIRRED] == 0.0:
         parts = 0
     for _ in range(parts):
         window.relax(water, state, timestep / parts)
-        if stages > 0:
-            _press_ring(numbers, water, state, last, timestep / parts)
+        if staged:
+            for stage in range(STAGES):
+                slot = (last + 1 + stage) % STAGES
+                _press_ring(numbers, water, state, slot, WEIGHTS[stage], timestep / parts)
+        elif stages > 0:
+            _press_ring(numbers, water, state, last, 1.0, timestep / parts)
         window.flow(water, state, timestep / parts)
     tail[EVALUATIONS] = 0.0
     _place(water, state, table, model, data, instance)
 
 
 @kernel
-def _mean_of_stages(state: Any, cells: int, last: int) -> None:
-    """1/6, 1/3, 1/3, 1/6 of the four slots of the ring into the last one.
+def _mean_of_stages(state: Any, cells: int, last: int, near: float) -> bool:
+    """WEIGHTS of the four slots of the ring into the last one, if all have the same faces; whether they have.
 
-    Where all have as many loads, these are the same faces: their forces are added at their mean place. Else the
-    slots are put one after the other, as far as there is room.
+    They are the same where all slots have as many loads, at places nearer than `near` in turn. Forces are then added
+    at their mean place.
     """
-    ring = state[window.STATE + 3 * cells * cells + TAIL :].copy()
+    ring = state[window.STATE + 3 * cells * cells + TAIL :]
     width = 1 + LOAD * MOST_LOADS
-    out = state[window.STATE + 3 * cells * cells + TAIL + last * width :]
-    most = least = int(ring[last * width])
+    count = int(ring[last * width])
     for slot in range(STAGES):
-        most, least = max(most, int(ring[slot * width])), min(least, int(ring[slot * width]))
-    if most == least:
-        for k in range(most):
-            x = y = total = 0.0
+        if int(ring[slot * width]) != count:
+            return False
+        for k in range(count):
+            at, other = last * width + 1 + LOAD * k, slot * width + 1 + LOAD * k
+            if abs(ring[other] - ring[at]) + abs(ring[other + 1] - ring[at + 1]) > near:
+                return False
+    for k in range(count):
+        for i in range(LOAD):
+            total = 0.0
             for stage in range(STAGES):
-                at = (last + 1 + stage) % STAGES * width + 1 + LOAD * k
-                weight = 1.0 / 6.0 if stage == 0 or stage == STAGES - 1 else 1.0 / 3.0
-                x += weight * ring[at]
-                y += weight * ring[at + 1]
-                total += weight * ring[at + 2]
-            out[1 + LOAD * k], out[2 + LOAD * k], out[3 + LOAD * k] = x, y, total
-        return
-    kept = 0
-    for stage in range(STAGES):
-        first = (last + 1 + stage) % STAGES * width
-        weight = 1.0 / 6.0 if stage == 0 or stage == STAGES - 1 else 1.0 / 3.0
-        for k in range(int(ring[first])):
-            at = first + 1 + LOAD * k
-            if kept < MOST_LOADS:
-                out[1 + LOAD * kept], out[2 + LOAD * kept] = ring[at], ring[at + 1]
-                out[3 + LOAD * kept] = weight * ring[at + 2]
-                kept += 1
-            else:
-                out[LOAD * kept] += weight * ring[at + 2]
-    out[0] = kept
+                slot = (last + 1 + stage) % STAGES
+                total += WEIGHTS[stage] * ring[slot * width + 1 + LOAD * k + i]
+            ring[last * width + 1 + LOAD * k + i] = total
+    return True
 
 
 @kernel
-def _press_ring(numbers: Any, water: Any, state: Any, slot: int, duration: float) -> None:
-    """phi -= dt p / rho of the loads in one slot of the ring."""
+def _press_ring(
+    numbers: Any, water: Any, state: Any, slot: int, weight: float, duration: float
+) -> None:
+    """phi -= weight dt p / rho of the loads in one slot of the ring."""
     cells = int(water[window.CELLS])
     ring = state[window.STATE + 3 * cells * cells + TAIL + slot * (1 + LOAD * MOST_LOADS) :]
     count = int(ring[0])
@@ -468,8 +465,10 @@ def _press_ring(numbers: Any, water: Any, state: Any, slot: int, duration: float
     everywhere = np.ones((cells, cells), np.uint8)
     potential = window.plane(state, cells, 1)
     area = water[window.SPACING] * water[window.SPACING]
-    scale = -duration / (
-        area * water[window.DENSITY] * (1.0 + 0.5 * duration * water[window.DAMPING])
+    scale = (
+        -weight
+        * duration
+        / (area * water[window.DENSITY] * (1.0 + 0.5 * duration * water[window.DAMPING]))
     )
     for k in range(count):
         faces[k, coupling.POINT_X] = ring[1 + LOAD * k]
@@ -565,7 +564,7 @@ def _draw_arrow(
 
 @kernel
 def _draw_surface(table: Any, scene: int, water: Any, state: Any, rgba: int, numbers: int) -> None:
-    """The surface as translucent triangles on a graded grid, as fine as a third of the free geoms allows."""
+    """The surface as translucent triangles on a graded grid, as fine as half of the free geoms allows."""
     cells = int(water[window.CELLS])
     level = window.plane(state, cells, 0)
     spacing = water[window.SPACING]
@@ -576,7 +575,7 @@ def _draw_surface(table: Any, scene: int, water: Any, state: Any, rgba: int, num
         - as_ints(scene + table[plugin.SCENE_NGEOM])[0]
     )
     stride, count = 1, _nodes(cells, 1, lines)
-    while 2 * (count - 1) * (count - 1) > min(free // 3, MOST_TRIANGLES) and stride < cells:
+    while 2 * (count - 1) * (count - 1) > min(free // 2, MOST_TRIANGLES) and stride < cells:
         stride += 1
         count = _nodes(cells, stride, lines)
     if 2 * (count - 1) * (count - 1) > free:

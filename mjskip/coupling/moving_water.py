@@ -153,7 +153,7 @@ class MovingWater:
                 f"faces no longer than twice that, of {MOST_FACES} at most: use a larger load_radius"
             )
         rest = block.copy()
-        rest[[hydro.NORMAL_SQUARED, hydro.SPEED_NORMAL]] = 0.0
+        rest[[hydro.NORMAL_SQUARED, hydro.SPEED_NORMAL, hydro.CAVITY]] = 0.0
         return split, rest
 
 

@@ -120,6 +120,12 @@ def plugin_options(model: mujoco.MjModel, body: int) -> HullOptions:
     return _configured(_layout.ModelView(model._address), int(model.body_plugin[carrier])).options
 
 
+def instance_options(model: mujoco.MjModel, instance: int) -> tuple[MovingWater, Water, float]:
+    """The surface and the fluid of an instance of a compiled model, and its gravity downwards [m/s^2]."""
+    told = _configured(_layout.ModelView(model._address), instance)
+    return told.surface, told.water, float(-model.opt.gravity[2])
+
+
 def _slot() -> int:
     """Where MuJoCo has the plugin, -1 if it does not know it."""
     slot = ctypes.c_int(-1)

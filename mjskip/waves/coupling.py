@@ -32,7 +32,7 @@ from scipy.special import j0, jv
 from mjskip._typing import Array
 from mjskip.hydro import _block as hydro
 from mjskip.hydro.laws import LAWS, ForceLaw
-from mjskip.hydro.wrench import block_of, triangles_of
+from mjskip.hydro.packing import block_of, triangles_of
 from mjskip.waves import _coupling_kernels as kernels
 
 LOAD_RADIUS = 0.02
@@ -210,6 +210,7 @@ class SurfaceCoupling:
         damping: float = 0.0,
         radius: float = LOAD_RADIUS,
         tolerance: float = TOLERANCE,
+        longest_face: float = 1.0,
     ) -> None:
         """Prepare bodies for a kind of water.
 
@@ -223,6 +224,7 @@ class SurfaceCoupling:
             damping: mu of equation (5) [1/s].
             radius: of the bumps that spread loads and sample the surface [m]; at least a cell.
             tolerance: of the loads.
+            longest_face: longest edge of a face, in radii: longer ones are split.
 
         Raises:
             ValueError: the radius is smaller than a cell, or there are too many triangles.
@@ -233,13 +235,13 @@ class SurfaceCoupling:
             )
         if (impulse is None) == (profile is None):
             raise ValueError("give an impulse or a profile, one of them")
-        split = [split_block(block, radius) for block in blocks]
+        split = [split_block(block, longest_face * radius) for block in blocks]
         self.starts = np.cumsum([0, *(len(block) for block in split)])
         self.blocks = np.concatenate(split)
         self._count = int(sum(block[hydro.N_FACES] for block in split))
         if self._count > MOST_FACES:
             raise ValueError(
-                f"the bodies have {self._count} triangles no longer than {radius:g} m, {MOST_FACES} at most can be "
+                f"the bodies have {self._count} triangles no longer than {longest_face * radius:g} m, {MOST_FACES} at most can be "
                 "solved together: use a larger load_radius"
             )
         self._response = (
