@@ -60,7 +60,7 @@ from mjskip.coupling.bodies import SOLIDS, body_name, geom_name, kind_name
 from mjskip.coupling.moving_water import MovingWater, moving_functions
 from mjskip.coupling.records import doubts, make_record, too_large_step
 from mjskip.coupling.selection import GeomRule, WetBody, geom_rule, wet_body
-from mjskip.coupling.wet import BuiltHull, HullOptions, hull_of, inertia_of
+from mjskip.coupling.wet import BuiltHull, HullOptions, Inertia, hull_of, inertia_of
 from mjskip.errors import MjskipError, MjskipWarning, SceneError
 from mjskip.hydro.water import Water
 from mjskip.hydro.wrench import immersion_address, pack, wrench_address
@@ -124,6 +124,23 @@ def instance_options(model: mujoco.MjModel, instance: int) -> tuple[MovingWater,
     """The surface and the fluid of an instance of a compiled model, and its gravity downwards [m/s^2]."""
     told = _configured(_layout.ModelView(model._address), instance)
     return told.surface, told.water, float(-model.opt.gravity[2])
+
+
+def plugin_bodies(
+    model: mujoco.MjModel,
+) -> list[tuple[WetBody, Inertia, BuiltHull, Water]]:
+    """The bodies that the plugin wets in a compiled model, what they are to it, and their fluid."""
+    view, slot, found = _layout.ModelView(model._address), _slot(), []
+    for instance in range(model.nplugin):
+        if slot < 0 or model.plugin[instance] != slot:
+            continue
+        told = _configured(view, instance)
+        for body in _heads(view, instance, told):
+            wet = _wet(view, body, told)
+            if wet.geoms:
+                inertia = inertia_of(view, body, wet.members)
+                found.append((wet, inertia, hull_of(view, wet, told.options, inertia), told.water))
+    return found
 
 
 def _slot() -> int:
