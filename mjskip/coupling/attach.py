@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip._typing import Array
-from mjskip.checks import check_type
+from mjskip.checks import check_type, fault
 from mjskip.coupling import callback
 from mjskip.coupling.bodies import body_name, find_body
 from mjskip.coupling.plugin import plugin_water
@@ -418,6 +418,7 @@ def attach(
     strict: bool = False,
     native: bool = True,
     sea: Sea | str | None = None,
+    surface: str = "still",
 ) -> Coupling:
     """Let still water (z = 0) and air act on bodies of a model.
 
@@ -447,6 +448,8 @@ def attach(
             roots of trees. Their force goes to `qfrc_passive` and their added mass to MuJoCo's mass matrix. Waves
             that they make are kept here for each MjData, and are calm again when its time jumps: use the plugin
             where states are copied.
+        surface: "still": water that moves is state of MjData, which only the plugin of a model can have; see
+            `mjskip.add_water`.
 
     Returns:
         The coupling. It acts at once, until it is closed or left as a context; both raise if a force was not
@@ -458,6 +461,11 @@ def attach(
         MeshError: a mesh geom is not closed (strict).
         ValueError: an argument is of no kind that is allowed.
     """
+    if surface != "still":
+        raise fault(
+            "surface", surface, "attach() has still water; for water that moves use mjskip.add_water(spec, "
+            f"surface={surface!r}) before the model is compiled"
+        )  # fmt: skip
     options = HullOptions(
         resolution=resolution, max_faces=max_faces, interior=interior, strict=strict
     )

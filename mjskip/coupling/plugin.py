@@ -18,11 +18,24 @@ fields of `Water`, and
     bodies      tree (default) | this: not what moves below
     resolution, max_faces, interior, strict    see `mjskip.attach`
     sea         waves and current about bodies that radiate, as "hs=0.3 tp=3": see `Sea.from_text`
+    surface     still (default) | waves (equation 5) | deep (real waves); the keys below are of those that move
+    size        width of the square of water that follows the instance's bodies and that waves leave [m]
+    spacing     of its cells [m]
+    depth, tension      of `deep` [m, N/m]
+    wave_speed          of `waves` [m/s]
+    damping     mu of equation (5) [1/s]
+    load_radius of the bumps that spread the load of a face [m]
+    arrows      length of force arrows that every viewer shows [m/N]; none if not given
 
 With the key radiation="true" the bodies that carry the instance radiate and scatter waves on one surface, which is the
 plugin's state in MjData.
 
-A sensor shows force (3) [N] and torque (3) [N m] of water and air, world frame, about the centre of mass, and wetted
+Water that moves is state of MjData (`plugin_state`): `mj_step` alone moves it. It is not for laws that pull along a
+face; its faces are loaded while they advance against the surface, whatever the gate; buoyancy and skin friction are
+those of still water.
+
+A sensor with objtype="site" and objname shows level [m] and vertical speed [m/s] of moving water at a site, then
+zeros. Another shows force (3) [N] and torque (3) [N m] of water and air, world frame, about the centre of mass, and wetted
 area [m^2], of every wet body of the instance in turn.
 """
 
@@ -48,6 +61,7 @@ from mjskip.coupling import _record_kernels as loads
 from mjskip.coupling import _struct_layout as _layout
 from mjskip.coupling._struct_layout import library
 from mjskip.coupling.bodies import SOLIDS, body_geoms, body_name, geom_name, kind_name, pose_in
+from mjskip.coupling.moving_water import MovingWater, moving_functions
 from mjskip.coupling.records import doubts, make_record, too_large_step
 from mjskip.coupling.sea import (
     FloatingHull,
@@ -64,14 +78,16 @@ from mjskip.errors import MjskipError, MjskipWarning, SceneError
 from mjskip.hydro.seas import Sea
 from mjskip.hydro.water import Water
 from mjskip.hydro.wrench import immersion_address, pack, wrench_address
+from mjskip.waves.coupling import check_law
 
 NAME = "mjskip.water"
 WATER_KEYS = tuple(field.name for field in fields(Water))
 HULL_KEYS = tuple(field.name for field in fields(HullOptions))
-KEYS = (*WATER_KEYS, "preset", *HULL_KEYS, "geoms", "sea", "bodies")
+SURFACE_KEYS = tuple(field.name for field in fields(MovingWater))
+KEYS = (*WATER_KEYS, "preset", *HULL_KEYS, *SURFACE_KEYS, "geoms", "sea", "bodies")
 """In the order of MuJoCo's texts; compiled code looks at the last one."""
 SWITCHES = {f.name for f in (*fields(Water), *fields(HullOptions)) if f.type in (bool, "bool")}
-NUMBERS = {f.name for f in fields(Water) if f.type in (float, "float")}
+NUMBERS = {f.name for f in (*fields(Water), *fields(MovingWater)) if f.type in (float, "float")}
 COUNTS = {f.name for f in fields(HullOptions) if f.type in (int, "int")}
 PRESETS = ("floating",)
 
@@ -116,6 +132,12 @@ def plugin_options(model: mujoco.MjModel, body: int) -> HullOptions:
     while int(model.body_plugin[carrier]) < 0 and carrier > 0:
         carrier = int(model.body_parentid[carrier])
     return _configured(_layout.ModelView(model._address), int(model.body_plugin[carrier])).options
+
+
+def instance_options(model: mujoco.MjModel, instance: int) -> tuple[MovingWater, Water, float]:
+    """The surface and the fluid of an instance of a compiled model, and its gravity downwards [m/s^2]."""
+    told = _configured(_layout.ModelView(model._address), instance)
+    return told.surface, told.water, float(-model.opt.gravity[2])
 
 
 def plugin_bodies(
@@ -182,6 +204,7 @@ def _describe() -> _Plugin:
         "reset": native(nothing(i8, i8, i8, i4))(kernels.reset),
         "compute": native(nothing(i8, i8, i4, i4))(kernels.compute),
         "advance": native(nothing(i8, i8, i4))(kernels.advance),
+        "visualize": native(nothing(i8, i8, i8, i8, i4))(kernels.visualize),
     }
     plugin = _Plugin(
         name=NAME.encode(),
@@ -207,6 +230,12 @@ def _fill_root() -> None:
     root[kernels.GRAVITY] = _layout.option_offset("gravity")
     root[kernels.TIMESTEP] = _layout.option_offset("timestep")
     root[kernels.RADIATION_KEY] = KEYS.index("radiation")
+    root[kernels.INTEGRATOR] = _layout.option_offset("integrator")
+    scene = _layout.members("mjvScene")
+    root[kernels.SCENE_MAXGEOM] = scene["maxgeom"].offset
+    root[kernels.SCENE_NGEOM] = scene["ngeom"].offset
+    root[kernels.SCENE_GEOMS] = scene["geoms"].offset
+    root[kernels.GEOM_BYTES] = _layout.size_of("mjvGeom")
     model, data = _layout.members("mjModel"), _layout.members("mjData")
     root[kernels.MEMBERS :] = [
         *(model[name].offset for name in kernels.MODEL_MEMBERS),
@@ -224,12 +253,12 @@ class _Kept:
     """A record with what it points to, and the hull it was made of."""
 
     record: npt.NDArray[np.float64]
-    block: npt.NDArray[np.float64]
-    built: BuiltHull
+    blocks: tuple[npt.NDArray[np.float64], ...] = ()
+    built: BuiltHull | None = None
 
     @property
     def nbytes(self) -> int:
-        return self.record.nbytes + self.block.nbytes
+        return self.record.nbytes + sum(block.nbytes for block in self.blocks)
 
 
 class _Records:
@@ -309,12 +338,18 @@ def _answer(model: int, address: int, _unused: int) -> None:
         told = _configured(view, instance)
         if told.water.radiation:
             _link_sea()
-        if what == kernels.SEA_SIZE:
-            request[kernels.ANSWER] = _sea_size(view, instance)
-        elif what == kernels.CONFIGURATION:
-            _check_sensors(view, instance)
+        if what == kernels.CONFIGURATION:
+            _check_sensors(view, instance, told)
         elif what == kernels.DOUBTS:
             _say_doubts(view, instance, told)
+        elif what == kernels.STATE_SIZE:
+            radiates = told.water.radiation
+            request[kernels.ANSWER] = (
+                _sea_size(view, instance) if radiates else told.surface.state_size
+            )
+        elif what == kernels.SURFACE:
+            with _lock:
+                request[kernels.ANSWER] = _find_surface(view, told, key)
         else:
             with _lock:
                 request[kernels.ANSWER] = _find_record(view, body, told, key, what)
@@ -324,7 +359,10 @@ def _answer(model: int, address: int, _unused: int) -> None:
         _messages.append(message)
         request[kernels.MESSAGE] = ctypes.addressof(message)
         with _lock:
-            if what in (kernels.HULL, kernels.FRESH_HULL) and key not in _records.made:
+            if (
+                what in (kernels.HULL, kernels.FRESH_HULL, kernels.SURFACE)
+                and key not in _records.made
+            ):
                 _records.add(key, kernels.CANNOT)
 
 
@@ -344,7 +382,26 @@ def _find_record(view: Any, body: int, told: _Told, key: int, what: int) -> int:
         return _records.add(key, kernels.DRY)
     block = pack(built.hull, told.water, gravity=float(-view.gravity[2]))
     record = make_record(built.hull, told.water, inertia, block)
-    return _records.add(key, _Kept(record=record, block=block, built=built))
+    blocks: tuple[npt.NDArray[np.float64], ...] = (block,)
+    if told.surface.moves:
+        split, block[:] = told.surface.split(block)
+        record = np.append(record, np.array([split.ctypes.data], np.int64).view(np.float64))
+        blocks += (split,)
+    return _records.add(key, _Kept(record=record, blocks=blocks, built=built))
+
+
+def _find_surface(view: Any, told: _Told, key: int) -> int:
+    """What the table has for an instance's surface, made now if need be."""
+    known = _records.made.get(key)
+    if known is None:
+        if not (told.surface.moves or told.surface.arrows):
+            return _records.add(key, kernels.DRY)
+        where = (kernels.MOVING_COMPUTE, kernels.MOVING_ADVANCE, kernels.MOVING_DRAW)
+        kernels.root[list(where)] = moving_functions()
+        gravity = float(-view.gravity[2])
+        record = told.surface.record(density=told.water.density, gravity=gravity)
+        return _records.add(key, _Kept(record=record))
+    return known if isinstance(known, int) else int(known.record.ctypes.data)
 
 
 def _sea_of(view: Any, instance: int) -> tuple[int, SeaSurface]:
@@ -514,6 +571,7 @@ class _Told:
 
     water: Water
     options: HullOptions
+    surface: MovingWater
     geoms: str
     below: bool
     sea: Sea
@@ -540,9 +598,19 @@ def _configured(view: _layout.ModelView, instance: int) -> _Told:
                 'preset="floating" and radiation="true"'
             )
         hull = {k: _value(k, t) for k, t in given.items() if k in HULL_KEYS}
+        moving = MovingWater(**{k: _value(k, t) for k, t in given.items() if k in SURFACE_KEYS})
+        water = Water.floating(**own) if "preset" in given else Water(**own)
+        if moving.moves:
+            check_law(water.law)
+            if water.radiation:
+                raise ValueError(
+                    f"surface is {moving.surface!r} and radiation is on: bodies that radiate have a surface of their "
+                    "own; give one of the two"
+                )
         return _Told(
-            water=Water.floating(**own) if "preset" in given else Water(**own),
+            water=water,
             options=HullOptions(**hull),
+            surface=moving,
             geoms=given.get("geoms", ""),
             below=given.get("bodies", "tree") == "tree",
             sea=Sea.from_text(given.get("sea", ""), gravity=float(-view.gravity[2]) or 9.81),
@@ -552,12 +620,15 @@ def _configured(view: _layout.ModelView, instance: int) -> _Told:
         raise ValueError(f"{who}: {error}") from error
 
 
-def _check_sensors(view: _layout.ModelView, instance: int) -> None:
+def _check_sensors(view: _layout.ModelView, instance: int, told: _Told) -> None:
     """MuJoCo asks for a sensor's size before it says which object the sensor names."""
-    if view.sensor_objtype[view.sensor_plugin == instance].any():
+    kinds = view.sensor_objtype[view.sensor_plugin == instance]
+    site = int(mujoco.mjtObj.mjOBJ_SITE)
+    if (kinds[kinds != site]).any() or ((kinds == site).any() and not told.surface.moves):
         raise ValueError(
             f"plugin {NAME}: a sensor shows every body of its instance in turn; leave out objtype and "
-            "objname, and give a body an instance of its own for a sensor of its own"
+            "objname, and give a body an instance of its own for a sensor of its own; over water that moves "
+            'objtype="site" shows its level at a site'
         )
 
 

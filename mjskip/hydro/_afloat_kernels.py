@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from mjskip._compile.jit import kernel, picture_kernel
+from mjskip._compile.jit import kernel, vector_kernel
 from mjskip.hydro._clip_kernels import column
 from mjskip.hydro._radiation_kernels import add_columns, advance_waves, gather, read_rows, scatter
 
@@ -53,7 +53,7 @@ for _n in range(1, MOST_NODES + 1):
 TURN = 2.0 * math.pi
 
 
-@picture_kernel
+@vector_kernel
 def phases(
     k_real: Any, k_imag: Any, east: Any, north: Any, x: float, y: float, cosine: Any, sine: Any
 ) -> None:  # fmt: skip
@@ -177,7 +177,7 @@ def known_readings(surface: Any, body: Any, real: Any, imag: Any, yaw: float, ou
             )
 
 
-@picture_kernel
+@vector_kernel
 def _wave_phases(rate: Any, place: float, cosine: Any, sine: Any) -> None:
     """cos and sin of rate * place, for many rates at once; see `phases`."""
     for n in range(rate.shape[0]):
@@ -194,7 +194,7 @@ def _wave_phases(rate: Any, place: float, cosine: Any, sine: Any) -> None:
         cosine[n], sine[n] = 1.0 - vs, si
 
 
-@picture_kernel
+@vector_kernel
 def _sum_heads(
     real: Any, imag: Any, cosine: Any, sine: Any, decays: Any, count: int, head: Any, out: Any
 ) -> None:  # fmt: skip

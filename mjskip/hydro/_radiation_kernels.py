@@ -16,10 +16,10 @@ Drift and yaw are exact, of any size within the reach of the modes. Harmonics ar
 import math
 from typing import Any
 
-from mjskip._compile.jit import kernel, picture_kernel
+from mjskip._compile.jit import kernel, vector_kernel
 
 
-@picture_kernel
+@vector_kernel
 def _dot(a: Any, b: Any) -> float:
     total = 0.0
     for i in range(a.shape[0]):
