@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -22,6 +23,9 @@ IMAGES = 4
 
 LID_EDGE = 0.7
 """Damping of the water inside a hull is full from this share of the largest distance to the waterline on."""
+
+LID_RATE = 0.5
+"""Damping of the water inside a hull, as a share of sqrt(g / width) [rad]."""
 
 CORNER_POINTS = np.array([[4.0, 1.0, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, 4.0]]) / 6.0
 """Three points of a triangle that integrate quadratics exactly (equal weights)."""
@@ -315,3 +319,15 @@ def hull_influence(*hulls: WettedHull, depth: float = np.inf) -> Influence:
         velocity,
     )
     return Influence(hulls=hulls, potential=potential, velocity=velocity, depth=depth)
+
+
+def lid_rate(hull: WettedHull, *, gravity: float) -> float:
+    """Rate at which the water inside a hull is damped [1/s]."""
+    area, _, _ = hull.moments()
+    return LID_RATE * math.sqrt(gravity / math.sqrt(max(area, 1e-12) / math.pi))
+
+
+def hull_width(hull: WettedHull) -> float:
+    """Radius of the disc with the hull's waterplane, or with its panels seen from above [m]."""
+    seen = 0.5 * float(np.abs(hull.area_vectors[:, 2]).sum())
+    return math.sqrt(max(hull.moments()[0], seen) / math.pi)

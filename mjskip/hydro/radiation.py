@@ -18,8 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip.hydro._coupling_tables import PlaneWaves, plane_waves
-from mjskip.hydro.panels import Influence, WettedHull, hull_influence
-from mjskip.hydro.response import hull_width, lid_rate
+from mjskip.hydro.panels import Influence, WettedHull, hull_influence, hull_width, lid_rate
 from mjskip.hydro.surface_modes import SurfaceModes, ring_directions, surface_modes
 
 Array = npt.NDArray[np.float64]

@@ -22,7 +22,7 @@ import numpy.typing as npt
 import xarray
 
 from mjskip.hydro._coupling_tables import plane_waves
-from mjskip.hydro.panels import Influence, WettedHull, hull_influence
+from mjskip.hydro.panels import Influence, WettedHull, hull_influence, hull_width, lid_rate
 from mjskip.hydro.surface_modes import (
     SurfaceModes,
     ring_directions,
@@ -34,8 +34,6 @@ Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
 DOFS = ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")
-LID_RATE = 0.5
-"""Damping of the water inside a hull, as a share of sqrt(g / width) [rad]."""
 BLOCK_BYTES = 1.5e8
 
 
@@ -64,12 +62,6 @@ class FloatingBody:
         return matrix
 
 
-def lid_rate(hull: WettedHull, *, gravity: float) -> float:
-    """Rate at which the water inside a hull is damped [1/s]."""
-    area, _, _ = hull.moments()
-    return LID_RATE * math.sqrt(gravity / math.sqrt(max(area, 1e-12) / math.pi))
-
-
 def response_modes(influence: Influence, *, highest: float, gravity: float) -> SurfaceModes:
     """Modes that resolve waves of up to the angular frequency `highest` [rad/s] at these hulls."""
     reach = max(float(np.linalg.norm(h.triangles[..., :2], axis=-1).max()) for h in influence.hulls)
@@ -78,12 +70,6 @@ def response_modes(influence: Influence, *, highest: float, gravity: float) -> S
     return surface_modes(
         shortest=2.0 * math.pi / cutoff, reach=reach, depth=influence.depth, gravity=gravity
     )
-
-
-def hull_width(hull: WettedHull) -> float:
-    """Radius of the disc with the hull's waterplane, or with its panels seen from above [m]."""
-    seen = 0.5 * float(np.abs(hull.area_vectors[:, 2]).sum())
-    return math.sqrt(max(hull.moments()[0], seen) / math.pi)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
