@@ -57,7 +57,9 @@ def _is_water(tiles: Any, i: int, j: int) -> bool:
 
 
 @kernel
-def press_block(tiles: Any, i: int, j: int, pressure_head: Any, edge: float, corner: float) -> None:
+def press_block(
+    tiles: Any, i: int, j: int, pressure_head: Any, edge: float, corner: float
+) -> None:
     """z += edge-and-corner Laplacian of a pressure head, whose first cell is cell (i, j) and whose tiles are active.
 
     At the walls the head is mirrored as the surface is, so that what is added sums to zero; so it does at a
@@ -70,12 +72,10 @@ def press_block(tiles: Any, i: int, j: int, pressure_head: Any, edge: float, cor
     z, _ = levels(tiles)
     nx, ny = tiles.numbers[NX], tiles.numbers[NY]
     walls = nx != 0 and tiles.numbers[PERIODIC] == 0
+    masked = tiles.water.size > 0
     high, wide = pressure_head.shape
     for a in range(-1, high + 1):
         for b in range(-1, wide + 1):
-            slot, row, column, _ = locate(tiles, i + a, j + b)
-            if slot <= STILL or not _is_water(tiles, i + a, j + b):
-                continue
             total = 0.0
             here = np.float64(pressure_head[a, b]) if 0 <= a < high and 0 <= b < wide else 0.0
             for da in range(-1, 2):
@@ -86,13 +86,69 @@ def press_block(tiles: Any, i: int, j: int, pressure_head: Any, edge: float, cor
                     if walls:
                         c = min(max(i + c, 0), nx - 1) - i
                         d = min(max(j + d, 0), ny - 1) - j
-                    if not _is_water(tiles, i + c, j + d):
+                    if masked and not _is_water(tiles, i + c, j + d):
                         continue
-                    there = (
-                        np.float64(pressure_head[c, d]) if 0 <= c < high and 0 <= d < wide else 0.0
-                    )
+                    there = np.float64(pressure_head[c, d]) if 0 <= c < high and 0 <= d < wide else 0.0
                     total += (edge if da == 0 or db == 0 else corner) * (there - here)
-            z[slot, row, column] += np.float32(total)
+            if total == 0.0 or (masked and not _is_water(tiles, i + a, j + b)):
+                continue
+            slot, row, column, _ = locate(tiles, i + a, j + b)
+            if slot > STILL:
+                z[slot, row, column] += np.float32(total)
+
+
+@kernel
+def read_moving_block(
+    tiles: Any, i: int, j: int, numbers: Any, wide: Any, level_out: Any, rate_out: Any, open_out: Any
+) -> float:
+    """What a body feels of the surface over a step, on a block of cells: its level and its speed without loads.
+
+        rate = (z_free - z-) / (2 t),    z_free = z + q (z - z-) + s L(z)
+
+    Args:
+        numbers: q, s times the weights of edges and corners, and 1 / (2 t).
+        wide: scratch, two of (nx + 2, ny + 2).
+        level_out, rate_out: (nx, ny) [m], [m/s]; 0 beyond walls.
+        open_out: (nx, ny), 1 in water and 0 on land and beyond walls.
+
+    Returns:
+        Greatest |level| [m].
+    """
+    q, edge, corner, per_two_steps = numbers
+    z, before = wide
+    read_block(tiles, i - 1, j - 1, z, before)
+    nx, ny = level_out.shape
+    cells_x, cells_y = tiles.numbers[NX], tiles.numbers[NY]
+    walls = cells_x != 0 and tiles.numbers[PERIODIC] == 0
+    masked = tiles.water.size > 0
+    highest = 0.0
+    for p in range(nx):
+        for r in range(ny):
+            here = z[p + 1, r + 1]
+            level_out[p, r], rate_out[p, r], open_out[p, r] = here, 0.0, 0.0
+            if walls and not (0 <= i + p < cells_x and 0 <= j + r < cells_y):
+                continue
+            if masked and not _is_water(tiles, i + p, j + r):
+                continue
+            edges = corners = 0.0
+            for da in range(-1, 2):
+                for db in range(-1, 2):
+                    a, b = p + da, r + db
+                    if walls:  # they mirror
+                        a = min(max(i + a, 0), cells_x - 1) - i
+                        b = min(max(j + b, 0), cells_y - 1) - j
+                    if masked and not _is_water(tiles, i + a, j + b):
+                        continue
+                    if da == 0 or db == 0:
+                        edges += z[a + 1, b + 1] - here
+                    else:
+                        corners += z[a + 1, b + 1] - here
+            old = before[p + 1, r + 1]
+            free = here + q * (here - old) + edge * edges + corner * corners
+            rate_out[p, r] = per_two_steps * (free - old)
+            open_out[p, r] = 1.0
+            highest = max(highest, abs(here))
+    return highest
 
 
 @kernel

@@ -444,6 +444,28 @@ def dissipation(count: int, speeds: Any, loads: Any) -> float:
 
 
 @kernel
+def solve_faces(
+    count: int, mean_states: Any, surface: Any, radius: float, response: Any, factor: float,
+    bodies: Any, kick: float, tolerance: float, work: Any,
+) -> int:  # fmt: skip
+    """Loads on the first `count` faces; the sweeps made. Arguments as for `solve_loads`."""
+    frame, _, rate, open_cells = surface
+    impulse, profile, per_metre = response
+    faces, spots, matrix, speeds, loads, field = work
+    side = math.floor(2.0 * radius / frame[SPACING]) + 1
+    spread_bumps(faces, count, frame, radius, open_cells, side, spots)
+    free_speeds(faces, count, mean_states, spots, side, rate, speeds)
+    if impulse.size > 0:
+        area = frame[SPACING] * frame[SPACING]
+        surface_response(faces, count, spots, side, impulse, factor / area, field, matrix)
+    else:
+        surface_response_by_distance(faces, count, profile, per_metre, factor, matrix)
+    if kick > 0.0:
+        add_mobility(faces, count, bodies, kick, matrix)
+    return solve(faces, count, matrix, tolerance, MOST_SWEEPS, speeds, loads)
+
+
+@kernel
 def solve_loads(
     blocks: Any, starts: Any, states: Any, mean_states: Any, surface: Any, radius: float,
     response: Any, factor: float, bodies: Any, kick: float, tolerance: float, work: Any,
@@ -464,26 +486,17 @@ def solve_loads(
         work: faces (m, FRAME), spots (m, SPOT + side^2), matrix (m, m), speeds (m,), loads (m,) and a field of
             the surface's shape; m all triangles of all bodies.
     """
-    frame, level, rate, open_cells = surface
-    impulse, profile, per_metre = response
-    faces, spots, matrix, speeds, loads, field = work
-    side = math.floor(2.0 * radius / frame[SPACING]) + 1
+    frame, level, faces = surface[0], surface[1], work[0]
     count = 0
     for body in range(states.shape[0]):
         block = blocks[starts[body] : starts[body + 1]]
         count = find_faces(block, states[body], frame, level, body, faces, count)
     if count == 0:
         return 0, 0
-    spread_bumps(faces, count, frame, radius, open_cells, side, spots)
-    free_speeds(faces, count, mean_states, spots, side, rate, speeds)
-    if impulse.size > 0:
-        area = frame[SPACING] * frame[SPACING]
-        surface_response(faces, count, spots, side, impulse, factor / area, field, matrix)
-    else:
-        surface_response_by_distance(faces, count, profile, per_metre, factor, matrix)
-    if kick > 0.0:
-        add_mobility(faces, count, bodies, kick, matrix)
-    return count, solve(faces, count, matrix, tolerance, MOST_SWEEPS, speeds, loads)
+    sweeps = solve_faces(
+        count, mean_states, surface, radius, response, factor, bodies, kick, tolerance, work
+    )
+    return count, sweeps
 
 
 @kernel

@@ -201,6 +201,8 @@ class SurfaceCoupling:
 
     Attributes:
         blocks, starts: of the bodies, split, in a row; for the kernels.
+        response: impulse, profile and its entries per metre, for `solve_loads`.
+        work: faces, spots, matrix, speeds and loads, likewise.
     """
 
     def __init__(
@@ -246,7 +248,7 @@ class SurfaceCoupling:
                 f"the bodies have {self._count} triangles no longer than {radius:g} m, {MOST_FACES} at most can be "
                 "solved together: use a larger load_radius"
             )
-        self._response = (
+        self.response = (
             np.zeros((0, 0)) if impulse is None else np.ascontiguousarray(impulse, np.float64),
             np.zeros(0) if profile is None else np.ascontiguousarray(profile, np.float64),
             PROFILE_PER_RADIUS / radius,
@@ -255,7 +257,7 @@ class SurfaceCoupling:
         self._radius, self._tolerance = radius, tolerance
         self._side = math.floor(2.0 * radius / spacing) + 1
         m = self._count
-        self._work = (
+        self.work = (
             np.zeros((m, kernels.FACE)),
             np.zeros((m, kernels.SPOT + self._side**2)),
             np.zeros((m, m)),
@@ -310,11 +312,11 @@ class SurfaceCoupling:
         open_cells = np.ones(level.shape, np.uint8) if land is None else land
         highest = float(np.abs(level).max(initial=0.0))
         frame = np.array([surface.x, surface.y, surface.spacing, highest])
-        faces, spots, _, speeds, loads = self._work
+        faces, spots, _, speeds, loads = self.work
         count, sweeps = kernels.solve_loads(
             self.blocks, self.starts, states, means, (frame, level, rate, open_cells), self._radius,
-            self._response, timestep / (2.0 * self._density * (1.0 + 0.5 * self._damping * timestep)),
-            bodies, kick, self._tolerance, (*self._work, np.empty(level.shape)),
+            self.response, timestep / (2.0 * self._density * (1.0 + 0.5 * self._damping * timestep)),
+            bodies, kick, self._tolerance, (*self.work, np.empty(level.shape)),
         )  # fmt: skip
         wrenches, pressure = np.zeros((len(states), 6)), np.zeros(level.shape)
         kernels.add_wrench(faces, count, loads, wrenches)

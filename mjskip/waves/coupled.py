@@ -1,0 +1,326 @@
+"""Bodies on moving water: they feel one surface, press on it, and both move on step by step together."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+
+from mjskip._typing import Array
+from mjskip.errors import DivergedError, MjskipWarning
+from mjskip.hydro import _wrench_kernels as hydro
+from mjskip.hydro.columns import LOAD
+from mjskip.hydro.wrench import immersion_address
+from mjskip.rigid.state import STATE
+from mjskip.waves import _coupled_kernels as kernels
+from mjskip.waves._coupled_kernels import Coupled
+from mjskip.waves._memory import free_memory
+from mjskip.waves._stencil import SAFE_FRACTION
+from mjskip.waves.coupling import LOAD_RADIUS, SurfaceCoupling, wave_impulse
+from mjskip.waves.field import HeightField
+from mjskip.waves.recording import SurfaceRecorder
+
+NEAR = 0.02
+"""Clearance above the waves (taken as twice as high as when last measured) at which a body is near [m]."""
+
+WAIT_AFTER = 0.010
+"""Dry time after which the surface waits for the next body that comes near [s]."""
+
+MANY_CELLS = 400
+"""Cells across the surface under a body beyond which a step takes longer than the water around it."""
+
+
+class Stepper(Protocol):
+    """What moves the bodies: a C function void(context, states after the step, unused), and its context."""
+
+    @property
+    def step(self) -> int: ...
+    @property
+    def context(self) -> Array: ...
+
+
+class CoupledWater:
+    """n bodies and the surface that they share; the surface waits behind the time while nobody is near it.
+
+    Attributes:
+        field: the water, up to date after `catch_up`.
+        coupled: bodies and the blocks of surface under them, for kernels.
+        words: where those arrays are, for C functions: see `_coupled_kernels.coupled_at`.
+    """
+
+    def __init__(
+        self,
+        field: HeightField,
+        blocks: Sequence[Array],
+        *,
+        timestep: float,
+        density: float = 1000.0,
+        gravity: float = 9.81,
+        stages: int = 1,
+        load_radius: float = LOAD_RADIUS,
+        recorder: SurfaceRecorder | None = None,
+    ) -> None:
+        """Put bodies on water.
+
+        Args:
+            field: the water: between walls, periodic or endless, with the nine-point stencil.
+            blocks: of the bodies, see `mjskip.hydro.wrench.pack`; copied.
+            timestep: of bodies and water [s].
+            density: of the water [kg/m^3].
+            gravity: [m/s^2].
+            stages: evaluations that the engine makes in a step, 4 for RK4.
+            load_radius: of the bumps that spread a face's load and sample the surface under it [m].
+            recorder: keeps the surface.
+
+        Raises:
+            ValueError: the water or the step cannot be coupled.
+        """
+        check_water(field, timestep, gravity)
+        self.field, self._recorder, self._timestep = field, recorder, timestep
+        self._solver = SurfaceCoupling(
+            blocks, spacing=field.spacing, density=density, damping=field.damping, radius=load_radius,
+            impulse=wave_impulse(
+                wave_speed=field.wave_speed, gravity=gravity, spacing=field.spacing
+            ),
+        )  # fmt: skip
+        self._immersion = immersion_address()
+        self._waiting, self._behind = True, 0.0
+        self._patience = SAFE_FRACTION * field.max_timestep
+        self._general = np.zeros(0, np.float32)
+        self.coupled = _arrays(blocks, self._solver)
+        numbers, grid = self.coupled.numbers, field.grid
+        x, y = field.cell_position(0, 0)
+        q, s = grid.coefficients(timestep)
+        edge, corner = grid.weights(timestep)
+        for name, value in (
+            (kernels.TIMESTEP, timestep),
+            (kernels.SPACING, field.spacing),
+            (kernels.ORIGIN_X, x),
+            (kernels.ORIGIN_Y, y),
+            (kernels.RADIUS, load_radius),
+            (kernels.TOLERANCE, 1e-12),
+            (kernels.FACTOR, timestep / (2.0 * density * (1.0 + 0.5 * field.damping * timestep))),
+            (kernels.NEAR, NEAR),
+            (kernels.HEAD, 1.0 / (density * gravity)),
+            (kernels.Q, q),
+            (kernels.S, s),
+            (kernels.EDGE, edge),
+            (kernels.CORNER, corner),
+            (kernels.AMPLITUDE, field.sleep_amplitude),
+            (kernels.WAIT_AFTER, WAIT_AFTER),
+        ):
+            numbers[name] = value
+        numbers[kernels.HIGHEST] = field.highest
+        self.coupled.counts[kernels.STAGES] = stages
+        self.coupled.counts[kernels.GENERAL] = grid.is_general
+        self._general = grid.general_numbers(q, s, timestep)
+        self.words = np.empty(3 * len(self.coupled), np.int64)
+        self._give_room(blocks)
+
+    def advance(self, engine: Stepper, states: Array, steps: int) -> tuple[Array, Array, Array]:
+        """Move bodies and water on.
+
+        Args:
+            engine: what steps the bodies.
+            states: of the bodies (n, 18).
+            steps: how many.
+
+        Returns:
+            States (steps + 1, n, 18), beginning with those given, loads (steps, n, 17) at the beginning of each
+            step, and the vertical force that the water was given over it (steps, n), downwards [N].
+
+        Raises:
+            DivergedError: a force is not finite.
+        """
+        n = len(states)
+        path, loads, reactions = np.empty((steps + 1, n, STATE)), np.zeros((steps, n, LOAD)), np.zeros((steps, n))  # fmt: skip
+        path[0] = states
+        done = 0
+        while done < steps:
+            self._record()
+            most = min(steps - done, self._most_steps())
+            made, why = kernels.coupled_steps(
+                engine.step, engine.context, self._immersion, self.coupled, self.field.grid.tiles,
+                self.field.grid.medium, self._general, self._waiting, path[done : done + most + 1],
+                loads[done : done + most], reactions[done : done + most],
+            )  # fmt: skip
+            self._passed(made)
+            done += made
+            self._check_finite()
+            self._answer(why)
+        return path, loads, reactions
+
+    def catch_up(self) -> None:
+        """Bring the field to the present."""
+        if self._behind > 0.0:
+            self.field.advance(self._behind)
+            self._behind = 0.0
+            self.coupled.numbers[kernels.HIGHEST] = self.field.highest
+
+    def finish(self) -> None:
+        """After the last step: let the recorder follow the rings as long as it wants to."""
+        self.catch_up()
+        if self._recorder is not None:
+            self._recorder.linger(self.field)
+
+    def _passed(self, steps: int) -> None:
+        if self._waiting:
+            self._behind += steps * self._timestep
+        else:
+            self.field.time += steps * self._timestep
+
+    def _record(self) -> None:
+        now = self.field.time + self._behind
+        if self._recorder is not None and self._recorder.is_due(now):
+            self.catch_up()
+            self._recorder.record(self.field)
+
+    def _most_steps(self) -> int:
+        """Steps until the surface cannot wait any longer, or is recorded."""
+        most = 1 << 30
+        if self._waiting:
+            if self._behind + self._timestep > self._patience:
+                self.catch_up()
+            most = max(1, int((self._patience - self._behind) / self._timestep * (1.0 + 1e-12)))
+        if self._recorder is not None:
+            most = min(most, self._recorder.steps_until_due(self.field.time + self._behind))
+        return most
+
+    def _answer(self, why: int) -> None:
+        """Do what the kernel cannot."""
+        grid, counts = self.field.grid, self.coupled.counts
+        if why == kernels.SURFACE:
+            self.catch_up()
+            grid.retime(self._timestep)
+            self._waiting = False
+            counts[kernels.DRY_STEPS] = counts[kernels.STEPS] = 0
+        elif why == kernels.CALM:
+            self._waiting = True
+        elif why == kernels.ROOM:
+            grid.make_room()
+            grid.activate_called()
+        elif why == kernels.CALLED:
+            grid.survey()
+        elif why == kernels.CELLS:
+            self._make_cells(4 * len(self.coupled.pressure))
+
+    def _check_finite(self) -> None:
+        failed = int(self.coupled.counts[kernels.FAILED])
+        if failed:
+            when = self.field.time + self._behind
+            raise DivergedError(
+                f"the water's force on body {failed - 1} is not finite at t = {when:.6g} s: use a smaller time step",
+                time=when,
+            )
+
+    # Room ---------------------------------------------------------------------------------------
+
+    def _give_room(self, blocks: Sequence[Array]) -> None:
+        """Cells for all bodies, each by itself."""
+        d, cells = self.field.spacing, 0
+        for block in blocks:
+            radius = float(block[hydro.RADIUS])
+            side = 2 * int(np.ceil(radius / d)) + 1
+            if side > MANY_CELLS:
+                warnings.warn(
+                    f"a body of {radius:g} m covers {side} x {side} cells of {d:g} m, and {len(self.coupled.faces)} "
+                    "faces are solved with them: that is slow; a larger spacing and load_radius would do",
+                    MjskipWarning,
+                    stacklevel=3,
+                )
+            reach = radius + float(self.coupled.numbers[kernels.RADIUS])
+            cells += (2 * int(np.ceil(reach / d)) + 2 * kernels.MARGIN + 5) ** 2
+        self._make_cells(cells)
+
+    def _make_cells(self, cells: int) -> None:
+        """Arrays for so many cells of surface under the bodies."""
+        size = 8 * 9 * cells
+        free = free_memory()
+        if size > 0.9 * free:
+            raise ValueError(
+                f"the surface under the bodies has {cells} cells of {self.field.spacing:g} m, which take "
+                f"{size / 1e9:.3g} GB: use a larger spacing"
+            )
+        n = len(self.coupled.clusters)
+        self.coupled = self.coupled._replace(
+            patches=np.zeros(hydro.PATCH_POINTS * n + 2 * cells),
+            pressure=np.zeros(cells),
+            open_cells=np.zeros(cells),
+            field=np.zeros(cells),
+            wide=np.zeros(4 * cells),
+        )
+        for k, array in enumerate(self.coupled):
+            shape = (*array.shape, 0)[:2]
+            self.words[3 * k : 3 * k + 3] = array.ctypes.data, *shape
+
+
+def check_water(field: HeightField, timestep: float, gravity: float) -> None:
+    """Refuse water that bodies cannot be coupled to.
+
+    Raises:
+        ValueError: what is wrong.
+    """
+    if not gravity > 0.0:
+        raise ValueError(
+            f"gravity is {-gravity:g} m/s^2 along z: waves need water that is held down; give a negative number, or "
+            "still water"
+        )
+    if field.stencil != "nine_point":
+        raise ValueError(f"stencil is {field.stencil!r}: bodies move nine_point water only")
+    if field.boundary == "absorb":
+        raise ValueError("bodies move no absorbing field: use HeightField.endless()")
+    if timestep > field.max_timestep:
+        raise ValueError(
+            f"time step {timestep:g} s is too long for the waves: use at most {field.max_timestep:.3g} s, or a "
+            "larger spacing"
+        )
+
+
+def _arrays(blocks: Sequence[Array], solver: SurfaceCoupling) -> Coupled:
+    """Arrays for bodies; those for cells are still empty."""
+    n = len(blocks)
+    rest = [block.copy() for block in blocks]
+    law = [hydro.NORMAL_SQUARED, hydro.SPEED_NORMAL, hydro.SPEED_SQUARED, hydro.FRICTION]
+    for block in rest:
+        block[law] = 0.0
+        if not (block[hydro.WEIGHT_DENSITY] or block[hydro.SKIN_DENSITY]):
+            block[hydro.N_TRIANGLES] = 0  # the air needs none
+    faces, spots, matrix, speeds, loads = solver.work
+    impulse, profile, _ = solver.response
+    nothing = np.zeros(0)
+    return Coupled(
+        split=solver.blocks,
+        split_starts=solver.starts.astype(np.int64),
+        own=np.concatenate(blocks),
+        own_starts=_starts(blocks),
+        rest=np.concatenate(rest),
+        rest_starts=_starts(rest),
+        states=np.zeros((n, STATE)),
+        means=np.zeros((n, STATE)),
+        mobilities=np.zeros((n, kernels.coupling.MOBILITY)),
+        wrenches=np.zeros((n, 12)),
+        first=np.zeros((n, 12)),
+        reactions=np.zeros(n),
+        clusters=np.full(n, -1, np.int64),
+        boxes=np.zeros((n, kernels.BOX), np.int64),
+        patches=nothing,
+        pressure=nothing,
+        open_cells=nothing,
+        field=nothing,
+        wide=nothing,
+        faces=faces,
+        spots=spots,
+        matrix=matrix,
+        speeds=speeds,
+        loads=loads,
+        impulse=impulse,
+        profile=profile,
+        numbers=np.zeros(kernels.NUMBERS),
+        counts=np.zeros(kernels.COUNTS, np.int64),
+    )
+
+
+def _starts(blocks: Sequence[Array]) -> kernels.Integers:
+    return np.cumsum([0, *(len(block) for block in blocks)]).astype(np.int64)
