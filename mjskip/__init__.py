@@ -30,12 +30,11 @@ if TYPE_CHECKING:
     from mjskip.throws.trajectory import Contact as Contact
     from mjskip.throws.trajectory import Trajectory as Trajectory
     from mjskip.waves import HeightField as HeightField
-    from mjskip.waves.lake import Lake as Lake
 
     __version__: str
 
 __all__ = [
-    "LAWS", "Contact", "HeightField", "Lake", "Limits", "Scene", "Stone", "Throw", "Trajectory", "Water",
+    "LAWS", "Contact", "HeightField", "Limits", "Scene", "Stone", "Throw", "Trajectory", "Water",
     "attach", "errors", "integrate", "load_scene", "optimize", "register_plugin", "render_video",
     "simulate", "simulate_all", "sweep", "wrench",
 ]  # fmt: skip
@@ -57,7 +56,6 @@ _WHERE = {
     "throws.throw": ["Throw"],
     "throws.trajectory": ["Contact", "Trajectory"],
     "waves": ["HeightField"],
-    "waves.lake": ["Lake"],
 }
 """Where the public names live, by module of this package."""
 

@@ -7,6 +7,7 @@ be kept on disk:
     root      address of the wrench kernel, of the callback that was here before (0: none), of the map
     map       number of slots, then pairs (address of a model, address of its entry), open addressing
     entry     bodies of the model, attached bodies, failed body (-1: none), its time (a double's bits),
+              a function void(context, model, data) that sets the wrenches instead (0: none), its context,
               then for every attached body: id, address of its frame, address of its block
     frame     doubles: centre of mass in the body (3), quaternion 1 0 0 0
 
@@ -26,7 +27,7 @@ from mjskip._compile.pointers import as_doubles, as_words, call_address, stack_d
 
 WRENCH, PREVIOUS, MAP = 0, 1, 2
 SLOTS, PAIRS = 0, 1
-NBODY, ATTACHED, FAILED, FAILURE_TIME, RECORDS = 0, 1, 2, 3, 4
+NBODY, ATTACHED, FAILED, FAILURE_TIME, INSTEAD, CONTEXT, RECORDS = 0, 1, 2, 3, 4, 5, 6
 RECORD = 3
 
 empty_map = np.array([1, 0, 0], dtype=np.int64)
@@ -72,6 +73,9 @@ def control(model: int, data: int) -> None:
             return  # a stranger's model
         k = (k + 1) % slots
     entry = as_words(models[PAIRS + 2 * k + 1])
+    if entry[INSTEAD] != 0:
+        call_address(entry[INSTEAD], entry[CONTEXT], model, data)
+        return
     size = 6 * entry[NBODY]
     xfrc = stack_doubles(size + 36)
     velocity = xfrc + 8 * size

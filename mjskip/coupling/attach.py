@@ -20,6 +20,7 @@ from numba import types
 
 from mjskip._compile.jit import native as compile_native
 from mjskip._compile.pointers import address_of_cfunc
+from mjskip._typing import Array
 from mjskip.coupling import _control_kernels as tables
 from mjskip.coupling.bodies import body_name, body_stone, find_body, free_bodies
 from mjskip.coupling.plugin import plugin_water
@@ -68,6 +69,16 @@ class Coupling:
                 body=name,
                 time=when,
             )
+
+    def replace_loads(self, function: int, context: Array) -> None:
+        """Let a C function void(context, model, data) set the wrenches of all bodies in `xfrc_applied` instead.
+
+        Args:
+            function: its address.
+            context: handed to it; must stay alive.
+        """
+        self._entry[tables.CONTEXT] = context.ctypes.data
+        self._entry[tables.INSTEAD] = function
 
     def wrench(self, data: mujoco.MjData, body: int | str) -> Wrench:
         """Wrench of water and air on an attached body, by name or id, in the pose and motion of `data`.
@@ -200,7 +211,7 @@ def _couple(
     gravity = float(-model.opt.gravity[2])
     blocks = [pack(stone, water, gravity=gravity) for stone in stones]
     frames = [np.array([*model.body_ipos[body], 1.0, 0.0, 0.0, 0.0]) for body in ids]
-    words = [model.nbody, len(ids), -1, 0]
+    words = [model.nbody, len(ids), -1, 0, 0, 0]
     for body, frame, block in zip(ids, frames, blocks, strict=True):
         words += [body, frame.ctypes.data, block.ctypes.data]
     return Coupling(

@@ -20,14 +20,13 @@ import numpy as np
 
 from mjskip.coupling.bodies import body_name, body_stone, find_body, free_bodies
 from mjskip.coupling.plugin import NAME, plugin_water, register_plugin
-from mjskip.coupling.terrain import Land, land_of
+from mjskip.coupling.terrain import Land
 from mjskip.errors import SceneError
 from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
 from mjskip.throws.arm import Arm
 from mjskip.throws.throw import PARAMETERS, Throw
 from mjskip.waves import HeightField
-from mjskip.waves.lake import Lake
 
 PREFIX = "mjskip."
 WATER = {field.name for field in fields(Water)}
@@ -35,8 +34,8 @@ FIELD = {"shape", "spacing", "wave_speed", "damping", "stencil", "boundary", "ce
 THROW = set(PARAMETERS)
 TEXTS = {"gate", "law", "stencil", "boundary"}
 SWITCHES = {field.name for field in fields(Water) if field.type in (bool, "bool")} | {"obstacles"}
-DEFAULT_SHAPE = (512, 512)
-"""Cells of a lake with walls whose scene does not say: `HeightField`'s, rounded up to whole tiles."""
+SLEEP_AMPLITUDE = 1e-5
+"""Waves that are lower are let go [m]."""
 PAIRS = {"shape", "centre"}
 OBSTACLES = "obstacles"
 """Switch: fixed geoms that pierce the surface are land in the scene's `HeightField`."""
@@ -93,29 +92,17 @@ class Scene:
         return self.plugged.get(body, self.water)
 
     def field(self) -> HeightField:
-        """A fresh water surface with this scene's settings."""
-        field = HeightField(**self.grid)
-        if not self.obstacles:
-            return field
-        return HeightField(**self.grid, terrain_mask=land_of(self.model, field.x, field.y))
+        """Fresh water of this scene: endless if its boundary absorbs, else between its walls or periodic.
 
-    def lake(self) -> Lake:
-        """Fresh two-way water: endless if the scene's boundary absorbs, else inside its walls or periodic.
-
-        Raises:
-            ValueError: the walls are not on tiles, or the scene asks for what lakes of tiles lack.
+        Only what moves is stored. An absorbing field needs no shape: it is endless.
         """
         grid = dict(self.grid)
-        stencil = grid.pop("stencil", "nine_point")
-        boundary = grid.pop("boundary", "reflect")
-        if stencil != "nine_point":
-            raise ValueError(
-                f"{self.path}: two-way waves need the nine_point stencil, not {stencil}"
-            )
-        shape = grid.pop("shape", DEFAULT_SHAPE)
-        land = Land(self.model) if self.obstacles else None
-        shape = None if boundary == "absorb" else shape
-        return Lake(shape, **grid, periodic=boundary == "periodic", land=land)
+        mask = Land(self.model) if self.obstacles else None
+        if grid.get("boundary") == "absorb" and grid.get("stencil", "nine_point") == "nine_point":
+            settings = {k: v for k, v in grid.items() if k in ("spacing", "wave_speed", "damping", "centre")}
+            return HeightField.endless(**settings, terrain_mask=mask)
+        asleep = 0.0 if grid.get("boundary") == "absorb" else SLEEP_AMPLITUDE
+        return HeightField(**grid, terrain_mask=mask, sleep_amplitude=asleep)
 
     def rethrow(self, **changes: float) -> Scene:
         """This scene with other throw settings, SI and radians.

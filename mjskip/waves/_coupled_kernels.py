@@ -20,7 +20,7 @@ import numpy as np
 from mjskip._compile.jit import kernel
 from mjskip._compile.pointers import address_of, as_doubles, as_words, bits, call_address
 from mjskip._typing import Array
-from mjskip.hydro import _wrench_kernels as hydro
+from mjskip.hydro import _block as hydro
 from mjskip.hydro.columns import CLEARANCE, WRENCH
 from mjskip.rigid import _rigid_kernels as rigid
 from mjskip.waves import _coupling_kernels as coupling
@@ -88,7 +88,7 @@ class Coupled(NamedTuple):
         reactions: vertical force of the law over the step, as its stages are weighted (n,) [N].
         clusters: which block of cells each body is on; -1 if on none (n,).
         boxes: of the blocks of cells (n, BOX).
-        patches: for each of them a patch of `mjskip.hydro._wrench_kernels`: level and rate.
+        patches: for each of them a patch of `mjskip.hydro._block`: level and rate.
         pressure, open_cells, field: on their cells [Pa], 1 in water, scratch.
         wide: scratch for two levels and their rims.
         faces, spots, matrix, speeds, loads: of the solver.

@@ -10,7 +10,7 @@ import numpy as np
 
 from mjskip._typing import Array
 from mjskip.errors import DivergedError, MjskipWarning
-from mjskip.hydro import _wrench_kernels as hydro
+from mjskip.hydro import _block as hydro
 from mjskip.hydro.columns import LOAD
 from mjskip.hydro.wrench import immersion_address
 from mjskip.rigid.state import STATE
@@ -286,7 +286,7 @@ def _arrays(blocks: Sequence[Array], solver: SurfaceCoupling) -> Coupled:
     for block in rest:
         block[law] = 0.0
         if not (block[hydro.WEIGHT_DENSITY] or block[hydro.SKIN_DENSITY]):
-            block[hydro.N_TRIANGLES] = 0  # the air needs none
+            block[[hydro.N_FACES, hydro.STRIDE]] = 0  # the air needs none
     faces, spots, matrix, speeds, loads = solver.work
     impulse, profile, _ = solver.response
     nothing = np.zeros(0)
