@@ -10,13 +10,15 @@ from mjskip._compile.jit import kernel
 from mjskip._compile.pointers import address_of, as_doubles, bits, call_address, place_of
 from mjskip.coupling._free_joint_kernels import free_body
 from mjskip.rigid.state import STATE
-from mjskip.waves._coupled_kernels import coupled_at, rest_loads, solve_stage
+from mjskip.waves._coupled_kernels import add_loads, coupled_at, rest_loads
 
 STEP, MODEL, DATA = 0, 1, 2  # void mj_step(model, data), and both
 QPOS, QVEL, APPLIED = 3, 4, 5  # where the data has them
 BODIES = 6  # how many stones
 COUPLED, WRENCH = 7, 8  # words of `Coupled` over waves, the force kernel
-STONES = 9  # then for each stone: where its pose and its velocity begin, its body's id, its centre (3)
+STONES = (
+    9  # then for each stone: where its pose and its velocity begin, its body's id, its centre (3)
+)
 STONE = 6
 
 
@@ -48,7 +50,7 @@ def mujoco_loads(context: Any, _model: Any, _data: Any) -> None:
     c = coupled_at(bits(context[COUPLED]))
     _read_states(context, as_doubles(address_of(c.states)))
     rest_loads(bits(context[WRENCH]), c)
-    solve_stage(c, 0.0)
+    add_loads(c, 0.0)
     applied = as_doubles(bits(context[APPLIED]))
     for n in range(c.clusters.size):
         body = int(context[STONES + STONE * n + 2])

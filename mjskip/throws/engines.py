@@ -48,7 +48,7 @@ class Engine(Protocol):
     Attributes:
         integrator: its name.
         names: of the stones, in the order of their states.
-        stages: evaluations of the forces in a step.
+        stages: evaluations of the forces in a step; 0 if it finds the loads of waves itself.
         acts: whether an arm must be moved before each step.
     """
 
@@ -95,7 +95,7 @@ def release_states(scene: Scene) -> dict[str, State]:
 class ReferenceEngine:
     """The pure integrator: it knows no contacts. Over still water a stone at a time."""
 
-    stages, acts = 1, False
+    stages, acts = 0, False
 
     def __init__(
         self,
@@ -133,7 +133,9 @@ class ReferenceEngine:
         blocks = [
             pack(stone, scene.water_of(n)) for n, stone in zip(self.names, stones, strict=True)
         ]
-        self._y = np.array([start_of(s, starts[n]) for n, s in zip(self.names, stones, strict=True)])
+        self._y = np.array(
+            [start_of(s, starts[n]) for n, s in zip(self.names, stones, strict=True)]
+        )
         self._rows = np.array([
             rigid_body(stone, block, gravity, frozen_attitude=frozen_attitude)
             for stone, block in zip(stones, blocks, strict=True)

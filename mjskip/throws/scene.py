@@ -99,7 +99,9 @@ class Scene:
         grid = dict(self.grid)
         mask = Land(self.model) if self.obstacles else None
         if grid.get("boundary") == "absorb" and grid.get("stencil", "nine_point") == "nine_point":
-            settings = {k: v for k, v in grid.items() if k in ("spacing", "wave_speed", "damping", "centre")}
+            settings = {
+                k: v for k, v in grid.items() if k in ("spacing", "wave_speed", "damping", "centre")
+            }
             return HeightField.endless(**settings, terrain_mask=mask)
         asleep = 0.0 if grid.get("boundary") == "absorb" else SLEEP_AMPLITUDE
         return HeightField(**grid, terrain_mask=mask, sleep_amplitude=asleep)

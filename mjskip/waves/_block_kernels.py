@@ -32,6 +32,22 @@ def read_block(tiles: Any, i: int, j: int, level_out: Any, before_out: Any) -> N
 
 
 @kernel
+def highest_in(tiles: Any, i: int, j: int, nx: int, ny: int) -> float:
+    """Greatest |z| in a block."""
+    z, _ = levels(tiles)
+    highest = np.float32(0.0)
+    for p in range(nx):
+        q = 0
+        while q < ny:
+            slot, row, column, run = locate(tiles, i + p, j + q)
+            if slot > STILL:
+                for n in range(min(run, ny - q)):
+                    highest = max(highest, abs(z[slot, row, column + n]))
+            q += run
+    return float(highest)
+
+
+@kernel
 def raise_block(tiles: Any, i: int, j: int, level: Any, before: Any) -> None:
     """Add to both levels of a block, whose tiles are active."""
     z, prev = levels(tiles)
@@ -57,9 +73,7 @@ def _is_water(tiles: Any, i: int, j: int) -> bool:
 
 
 @kernel
-def press_block(
-    tiles: Any, i: int, j: int, pressure_head: Any, edge: float, corner: float
-) -> None:
+def press_block(tiles: Any, i: int, j: int, pressure_head: Any, edge: float, corner: float) -> None:
     """z += edge-and-corner Laplacian of a pressure head, whose first cell is cell (i, j) and whose tiles are active.
 
     At the walls the head is mirrored as the surface is, so that what is added sums to zero; so it does at a
@@ -88,7 +102,9 @@ def press_block(
                         d = min(max(j + d, 0), ny - 1) - j
                     if masked and not _is_water(tiles, i + c, j + d):
                         continue
-                    there = np.float64(pressure_head[c, d]) if 0 <= c < high and 0 <= d < wide else 0.0
+                    there = (
+                        np.float64(pressure_head[c, d]) if 0 <= c < high and 0 <= d < wide else 0.0
+                    )
                     total += (edge if da == 0 or db == 0 else corner) * (there - here)
             if total == 0.0 or (masked and not _is_water(tiles, i + a, j + b)):
                 continue
@@ -99,7 +115,14 @@ def press_block(
 
 @kernel
 def read_moving_block(
-    tiles: Any, i: int, j: int, numbers: Any, wide: Any, level_out: Any, rate_out: Any, open_out: Any
+    tiles: Any,
+    i: int,
+    j: int,
+    numbers: Any,
+    wide: Any,
+    level_out: Any,
+    rate_out: Any,
+    open_out: Any,
 ) -> float:
     """What a body feels of the surface over a step, on a block of cells: its level and its speed without loads.
 
@@ -118,37 +141,57 @@ def read_moving_block(
     z, before = wide
     read_block(tiles, i - 1, j - 1, z, before)
     nx, ny = level_out.shape
-    cells_x, cells_y = tiles.numbers[NX], tiles.numbers[NY]
-    walls = cells_x != 0 and tiles.numbers[PERIODIC] == 0
+    walls = tiles.numbers[NX] != 0 and tiles.numbers[PERIODIC] == 0
     masked = tiles.water.size > 0
     highest = 0.0
     for p in range(nx):
         for r in range(ny):
-            here = z[p + 1, r + 1]
-            level_out[p, r], rate_out[p, r], open_out[p, r] = here, 0.0, 0.0
-            if walls and not (0 <= i + p < cells_x and 0 <= j + r < cells_y):
-                continue
-            if masked and not _is_water(tiles, i + p, j + r):
-                continue
-            edges = corners = 0.0
-            for da in range(-1, 2):
-                for db in range(-1, 2):
-                    a, b = p + da, r + db
-                    if walls:  # they mirror
-                        a = min(max(i + a, 0), cells_x - 1) - i
-                        b = min(max(j + b, 0), cells_y - 1) - j
-                    if masked and not _is_water(tiles, i + a, j + b):
-                        continue
-                    if da == 0 or db == 0:
-                        edges += z[a + 1, b + 1] - here
-                    else:
-                        corners += z[a + 1, b + 1] - here
-            old = before[p + 1, r + 1]
+            here, old = z[p + 1, r + 1], before[p + 1, r + 1]
+            if walls or masked:
+                water = _is_open(tiles, i + p, j + r, walls, masked)
+                edges, corners = _bent_at_coast(tiles, z, i, j, p, r, walls, masked)
+            else:
+                water = 1.0
+                edges = (z[p, r + 1] + z[p + 2, r + 1]) + (z[p + 1, r] + z[p + 1, r + 2])
+                corners = (z[p, r] + z[p, r + 2]) + (z[p + 2, r] + z[p + 2, r + 2])
+                edges, corners = edges - 4.0 * here, corners - 4.0 * here
             free = here + q * (here - old) + edge * edges + corner * corners
-            rate_out[p, r] = per_two_steps * (free - old)
-            open_out[p, r] = 1.0
+            level_out[p, r] = here
+            rate_out[p, r] = water * per_two_steps * (free - old)
+            open_out[p, r] = water
             highest = max(highest, abs(here))
     return highest
+
+
+@kernel
+def _is_open(tiles: Any, i: int, j: int, walls: bool, masked: bool) -> float:
+    """1 if a cell is water, 0 on land and beyond walls."""
+    if walls and not (0 <= i < tiles.numbers[NX] and 0 <= j < tiles.numbers[NY]):
+        return 0.0
+    return 0.0 if masked and not _is_water(tiles, i, j) else 1.0
+
+
+@kernel
+def _bent_at_coast(
+    tiles: Any, z: Any, i: int, j: int, p: int, r: int, walls: bool, masked: bool
+) -> Any:
+    """Sums of z less its own over the four edges and the four corners that are water; walls mirror."""
+    edges = corners = 0.0
+    for da in range(-1, 2):
+        for db in range(-1, 2):
+            a, b = p + da, r + db
+            if walls:
+                a = min(max(i + a, 0), tiles.numbers[NX] - 1) - i
+                b = min(max(j + b, 0), tiles.numbers[NY] - 1) - j
+            if masked and not _is_water(tiles, i + a, j + b):
+                continue
+            if not (-1 <= a < z.shape[0] - 1 and -1 <= b < z.shape[1] - 1):
+                continue  # of a cell beyond walls
+            if da == 0 or db == 0:
+                edges += z[a + 1, b + 1] - z[p + 1, r + 1]
+            else:
+                corners += z[a + 1, b + 1] - z[p + 1, r + 1]
+    return edges, corners
 
 
 @kernel

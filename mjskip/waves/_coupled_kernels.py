@@ -1,12 +1,13 @@
 """A step of n bodies and their water in compiled code: look at the surface, force, engine step, surface step.
 
     level z[n], rate (z_free[n+1] - z[n-1]) / (2 dt)      on a block of cells under the bodies
-    loads f of the law, solved with the surface            at each evaluation of the engine (`_coupling_kernels`)
-    engine step                                            its stages weighted as it weights them
-    z[n+1] = z_free[n+1] + response to the loads
+    wet faces                                              where the bodies will be in the middle of the step
+    loads f of the law, solved with the surface            at the velocities as they are (`_face_kernels`)
+    engine step                                            later evaluations: the law at their velocities
+    z[n+1] = z_free[n+1] + response to the loads           weighted as the engine weights its evaluations
 
 The engine is a C function void(context, states, unused) that makes a step and writes the states (n, 18) after
-it. On its way it lets `solve_stage` find the loads, as often as it evaluates forces.
+it. On its way it lets `add_loads` find the loads, as often as it evaluates forces.
 
 Bodies whose blocks of cells meet share one; others are solved by themselves.
 """
@@ -24,7 +25,8 @@ from mjskip.hydro import _block as hydro
 from mjskip.hydro.columns import CLEARANCE, WRENCH
 from mjskip.rigid import _rigid_kernels as rigid
 from mjskip.waves import _coupling_kernels as coupling
-from mjskip.waves._block_kernels import press_block, read_moving_block
+from mjskip.waves import _face_kernels as faces
+from mjskip.waves._block_kernels import highest_in, press_block, read_moving_block
 from mjskip.waves._medium_kernels import step_mixed
 from mjskip.waves._tile_kernels import (
     PARITY,
@@ -40,34 +42,35 @@ from mjskip.waves._tile_kernels import (
 )
 
 (
-    TIMESTEP, SPACING, ORIGIN_X, ORIGIN_Y, RADIUS, PER_METRE, TOLERANCE, FACTOR, NEAR, HEAD, HIGHEST,
-    Q, S, EDGE, CORNER, AMPLITUDE, WAIT_AFTER,
+    TIMESTEP, SPACING, ORIGIN_X, ORIGIN_Y, RADIUS, TOLERANCE, FACTOR, NEAR, HEAD, HIGHEST,
+    Q, S, EDGE, CORNER, AMPLITUDE, WAIT_AFTER, AHEAD,
 ) = range(17)  # fmt: skip
-"""Of `numbers`: dt [s]; cells d [m] and where cell (0, 0) is; radius of the bumps [m], entries of the profile per
-metre, tolerance of the loads; dt / (2 rho (1 + mu dt / 2)); clearance above the waves at which a body is near them
-[m]; pressure head of a pascal [m]; greatest |z| when last measured [m]; q and s of a free step, what edges and
-corners of a head add in it; the sleep amplitude [m]; dry time after which the surface may wait [s]."""
+"""Of `numbers`: dt [s]; cells d [m] and where cell (0, 0) is; radius of the bumps [m], tolerance of the loads;
+dt / (2 rho d^2 (1 + mu dt / 2)); clearance above the waves at which a body is near them [m]; pressure head of a
+newton on a cell [m]; greatest |z| when last measured [m]; q and s of a free step, what edges and corners of a head
+add in it; the sleep amplitude [m]; dry time after which the surface may wait [s]; how far ahead the wet faces are
+looked for [s], negative if the engine does that itself."""
 NUMBERS = 17
 
-CLUSTERS, STAGE, STAGES, FAILED, DRY_STEPS, STEPS, GENERAL = range(7)
+CLUSTERS, STAGE, STAGES, FAILED, DRY_STEPS, STEPS, GENERAL, SIDE, BETWEEN_CHECKS = range(9)
 """Of `counts`: blocks of cells now; evaluations made in this step, and those that a step makes; the first body
 whose force was not finite, plus 1; steps since a body was near the waves; steps since the last look for calm
-tiles; whether some tiles need a general step."""
-COUNTS = 7
+tiles; whether some tiles need a general step; cells across a bump at most; steps between looks."""
+COUNTS = 9
 
 DONE, SURFACE, CALM, ROOM, CELLS, CALLED = range(6)
 """Why `coupled_steps` ends: all steps are made; a body has come near a surface that is behind the time; nobody is near
 it any more; tiles or cells found no room; new tiles want to know where land is."""
 
-I0, J0, NX0, NY0, PATCH, CELL = range(6)
-"""Of a row of `boxes`: first cell, cells along x and y, where the patch begins, where its other cells begin."""
-BOX = 6
+I0, J0, NX0, NY0, PATCH, CELL, FIRST, LAST = range(8)
+"""Of a row of `boxes`: first cell, cells along x and y, where the patch begins, where its other cells begin, which
+faces lie on it."""
+BOX = 8
+
+MOST_SWEEPS = 1000
 
 MARGIN = 3
 """Cells of a block beyond what a body and its bumps can reach in a step: slopes and the Laplacian need neighbours."""
-
-STEPS_BETWEEN_CHECKS = 16
-"""Steps between looks for calm tiles and for the greatest elevation."""
 
 RK4_WEIGHTS = (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0)
 
@@ -76,33 +79,41 @@ class Coupled(NamedTuple):
     """Bodies and the blocks of surface under them.
 
     Attributes:
-        split, split_starts: blocks of the bodies whose triangles are no longer than the bumps' radius, in a row,
-            and where each begins: what the law loads.
-        own, own_starts: their blocks as they are: what is immersed.
+        own, own_starts: blocks of the bodies in a row, and where each begins: what is immersed, and the law.
         rest, rest_starts: those without the law: air, and buoyancy and skin friction if the water has them.
+        vertices, vertex_starts: of the bodies with their faces split (v, 3), body axes [m], and where each body's
+            begin.
+        corners, panels, face_starts: of those faces, see `find_wet_faces`.
         states: at the present evaluation (n, 18).
-        means: states with the velocities that the loads act on (n, 18).
-        mobilities: (n, coupling.MOBILITY), for a kick.
+        poses: where the wet faces are looked for (n, 18).
+        means: states with the velocities that a kick's loads act on (n, 18).
+        mobilities: (n, MOBILITY), for a kick.
         wrenches: water and air at the present evaluation (n, 12).
         first: the same at a step's first evaluation (n, 12).
-        reactions: vertical force of the law over the step, as its stages are weighted (n,) [N].
+        reactions: vertical force of the law over the step, as its evaluations are weighted (n,) [N].
         clusters: which block of cells each body is on; -1 if on none (n,).
         boxes: of the blocks of cells (n, BOX).
         patches: for each of them a patch of `mjskip.hydro._block`: level and rate.
-        pressure, open_cells, field: on their cells [Pa], 1 in water, scratch.
+        heads, open_cells, field: on their cells: pressure head [m], 1 in water, scratch.
         wide: scratch for two levels and their rims.
-        faces, spots, matrix, speeds, loads: of the solver.
-        impulse, profile: of the water; one is empty.
+        faces: wet ones, see `_face_kernels`.
+        guesses: loads of all faces when they were last solved [N].
+        heights, turns: scratch of those.
+        impulse: G of a unit on one cell (3, 3) [1/m].
         numbers, counts: see above.
     """
 
-    split: Array
-    split_starts: Integers
     own: Array
     own_starts: Integers
     rest: Array
     rest_starts: Integers
+    vertices: Array
+    vertex_starts: Integers
+    corners: Integers
+    panels: Array
+    face_starts: Integers
     states: Array
+    poses: Array
     means: Array
     mobilities: Array
     wrenches: Array
@@ -111,17 +122,15 @@ class Coupled(NamedTuple):
     clusters: Integers
     boxes: Integers
     patches: Array
-    pressure: Array
+    heads: Array
     open_cells: Array
     field: Array
     wide: Array
     faces: Array
-    spots: Array
-    matrix: Array
-    speeds: Array
-    loads: Array
+    guesses: Array
+    heights: Array
+    turns: Array
     impulse: Array
-    profile: Array
     numbers: Array
     counts: Integers
 
@@ -132,14 +141,19 @@ class Coupled(NamedTuple):
 @kernel
 def _patch(c: Any, cluster: int) -> Any:
     """Frame, level and rate of a block of cells."""
-    i0, j0, nx, ny = c.boxes[cluster, I0], c.boxes[cluster, J0], c.boxes[cluster, NX0], c.boxes[cluster, NY0]
+    i0, j0, nx, ny = (
+        c.boxes[cluster, I0],
+        c.boxes[cluster, J0],
+        c.boxes[cluster, NX0],
+        c.boxes[cluster, NY0],
+    )
     at = c.boxes[cluster, PATCH] + hydro.PATCH_POINTS
     size = nx * ny
     level = c.patches[at : at + size].reshape(nx, ny)
     rate = c.patches[at + size : at + 2 * size].reshape(nx, ny)
     d = c.numbers[SPACING]
     x, y = c.numbers[ORIGIN_X] + i0 * d, c.numbers[ORIGIN_Y] + j0 * d
-    return (x, y, d, c.patches[at - hydro.PATCH_POINTS + hydro.PATCH_HIGHEST]), level, rate
+    return (x, y, d), level, rate
 
 
 @kernel
@@ -198,7 +212,7 @@ def find_clusters(c: Any) -> bool:
         boxes[k, PATCH], boxes[k, CELL] = patch, cell
         patch += hydro.PATCH_POINTS + 2 * size
         cell += size
-    return cell <= c.pressure.size
+    return cell <= c.heads.size
 
 
 @kernel
@@ -221,7 +235,7 @@ def _join(box: Any, other: Any) -> None:
 
 @kernel
 def read_surface(c: Any, tiles: Any) -> None:
-    """Copy the surface into the patches; no pressure yet."""
+    """Copy the surface into the patches; nothing presses on it yet."""
     numbers = c.numbers
     known = numbers[Q], numbers[EDGE], numbers[CORNER], 0.5 / numbers[TIMESTEP]
     for k in range(c.counts[CLUSTERS]):
@@ -238,7 +252,7 @@ def read_surface(c: Any, tiles: Any) -> None:
         head[hydro.PATCH_RATE] = 1.0 / numbers[SPACING]
         head[hydro.PATCH_NX], head[hydro.PATCH_NY] = nx, ny
         head[hydro.PATCH_HIGHEST] = highest
-        _cells(c.pressure, box)[:] = 0.0
+        _cells(c.heads, box)[:] = 0.0
     for b in range(c.clusters.size):
         address = 0
         if c.clusters[b] >= 0:
@@ -251,6 +265,31 @@ def read_surface(c: Any, tiles: Any) -> None:
 
 
 @kernel
+def find_faces(c: Any) -> None:
+    """The wet faces of all bodies where they will be, spread on the cells."""
+    counts, numbers, found = c.counts, c.numbers, 0
+    for k in range(counts[CLUSTERS]):
+        box = c.boxes[k]
+        frame, level, rate = _patch(c, k)
+        box[FIRST] = found
+        for b in range(c.clusters.size):
+            if c.clusters[b] == k:
+                v0, v1 = c.vertex_starts[b], c.vertex_starts[b + 1]
+                f0, f1 = c.face_starts[b], c.face_starts[b + 1]
+                faces.place_ahead(c.states[b], max(numbers[AHEAD], 0.0), c.poses[b])
+                found = faces.find_wet_faces(
+                    c.own[c.own_starts[b] :], c.vertices[v0:v1], c.corners[f0:f1],
+                    c.panels[f0:f1], c.poses[b], frame, level, b, f0, c.guesses, c.heights,
+                    c.faces, found,
+                )  # fmt: skip
+        box[LAST] = found
+        faces.spread_faces(
+            c.faces, box[FIRST], found, counts[SIDE], numbers[RADIUS], frame, rate,
+            _cells(c.open_cells, box), c.impulse,
+        )  # fmt: skip
+
+
+@kernel
 def rest_loads(wrench: int, c: Any) -> None:
     """Air, buoyancy and skin friction on all bodies at their states, into `wrenches`; `wrench` is the address of
     the force kernel."""
@@ -260,40 +299,31 @@ def rest_loads(wrench: int, c: Any) -> None:
 
 
 @kernel
-def solve_stage(c: Any, kick: float) -> None:
-    """Add the law's loads on all bodies at their states to `wrenches`, and the pressure that goes with them.
+def add_loads(c: Any, kick: float) -> None:
+    """Add the law's loads on all bodies at their velocities to `wrenches`.
 
     Args:
-        c: bodies and surface.
+        c: bodies and surface, their wet faces found.
         kick: half of the step if the bodies are kicked by what is found here; 0 inside another integrator [s].
     """
     counts, numbers = c.counts, c.numbers
-    stage = min(counts[STAGE], 3)
-    weight = RK4_WEIGHTS[stage] if counts[STAGES] == 4 else 1.0
+    weight = RK4_WEIGHTS[min(counts[STAGE], 3)] if counts[STAGES] == 4 else 1.0
     for k in range(counts[CLUSTERS]):
         box = c.boxes[k]
-        frame, level, rate = _patch(c, k)
-        count = 0
-        for b in range(c.clusters.size):
-            if c.clusters[b] == k:
-                block = c.split[c.split_starts[b] : c.split_starts[b + 1]]
-                count = coupling.find_faces(block, c.states[b], frame, level, b, c.faces, count)
-        if count == 0:
+        first, last = box[FIRST], box[LAST]
+        if first == last:
             continue
-        coupling.solve_faces(
-            count, c.means if kick > 0.0 else c.states,
-            (frame, level, rate, _cells(c.open_cells, box)), numbers[RADIUS],
-            (c.impulse, c.profile, numbers[PER_METRE]), numbers[FACTOR], c.mobilities, kick,
-            numbers[TOLERANCE], (c.faces, c.spots, c.matrix, c.speeds, c.loads, _cells(c.field, box)),
-        )  # fmt: skip
-        coupling.add_wrench(c.faces, count, c.loads, c.wrenches)
-        for n in range(count):
-            c.loads[n] *= weight
-            c.reactions[int(c.faces[n, coupling.BODY])] -= c.loads[n] * c.faces[n, coupling.NORMAL + 2]
-        side = math.floor(2.0 * numbers[RADIUS] / numbers[SPACING]) + 1
-        coupling.add_pressure(
-            c.faces, count, c.spots, side, c.loads, numbers[SPACING], _cells(c.pressure, box)
-        )
+        if counts[STAGE] == 0:
+            faces.solve_faces(
+                c.faces, first, last, counts[SIDE], numbers[FACTOR],
+                c.means if kick > 0.0 else c.states, c.mobilities, kick,
+                numbers[TOLERANCE], MOST_SWEEPS, _cells(c.field, box), c.turns,
+            )  # fmt: skip
+            for n in range(first, last):
+                c.guesses[int(c.faces[n, faces.PANEL])] = c.faces[n, faces.LOAD]
+        else:
+            faces.reload_faces(c.faces, first, last, c.states)
+        faces.add_wrenches(c.faces, first, last, weight, c.wrenches)
     for b in range(c.clusters.size):
         total = 0.0
         for n in range(WRENCH):
@@ -311,8 +341,8 @@ def solve_stage(c: Any, kick: float) -> None:
 
 
 @kernel
-def _move_surface(c: Any, tiles: Any, medium: Any, general: Any) -> bool:
-    """One step of the surface under the pressure; False if a tile found no room."""
+def _move_surface(c: Any, tiles: Any, medium: Any, general: Any) -> None:
+    """One step of the surface under the loads."""
     numbers, counts = c.numbers, c.counts
     if counts[GENERAL] != 0:
         step_mixed(tiles, medium, numbers[Q], numbers[S], general, -1)
@@ -321,20 +351,18 @@ def _move_surface(c: Any, tiles: Any, medium: Any, general: Any) -> bool:
     tiles.numbers[PARITY] = 1 - tiles.numbers[PARITY]
     for k in range(counts[CLUSTERS]):
         box = c.boxes[k]
-        pressure = _cells(c.pressure, box)
-        pressed = False
-        for i in range(box[NX0]):
-            for j in range(box[NY0]):
-                pressure[i, j] *= numbers[HEAD]
-                pressed = pressed or pressure[i, j] != 0.0
-        if pressed:
-            press_block(tiles, box[I0], box[J0], pressure, numbers[EDGE], numbers[CORNER])
-    return bool(activate_called(tiles, numbers[AMPLITUDE]))
+        if box[FIRST] < box[LAST]:
+            heads = _cells(c.heads, box)
+            faces.add_reaction(
+                c.faces, box[FIRST], box[LAST], counts[SIDE], numbers[HEAD], heads, c.reactions
+            )
+            press_block(tiles, box[I0], box[J0], heads, numbers[EDGE], numbers[CORNER])
 
 
 @kernel
-def measure(c: Any, tiles: Any) -> None:
-    """Find the greatest |elevation|, and give calm tiles up."""
+def measure(c: Any, tiles: Any) -> bool:
+    """Find the greatest |elevation|, give calm tiles up and activate those that waves have come next to; False if
+    one found no room."""
     c.counts[STEPS] = 0
     if c.numbers[AMPLITUDE] > 0.0:
         deactivate_calm_tiles(tiles, 0.5 * c.numbers[AMPLITUDE])
@@ -345,6 +373,18 @@ def measure(c: Any, tiles: Any) -> None:
             for j in range(z.shape[2]):
                 highest = max(highest, abs(z[k, i, j]))
     c.numbers[HIGHEST] = highest
+    return bool(activate_called(tiles, c.numbers[AMPLITUDE]))
+
+
+@kernel
+def _highest_under(c: Any, tiles: Any, state: Any, radius: float) -> float:
+    """Greatest |z| on the cells under a body and some more [m]; 0 if no tile is active there."""
+    d, half = c.numbers[SPACING], math.ceil(radius / c.numbers[SPACING]) + MARGIN
+    x, y = (state[0] - c.numbers[ORIGIN_X]) / d, (state[1] - c.numbers[ORIGIN_Y]) / d
+    if not (abs(x) < 1e9 and abs(y) < 1e9):
+        return 0.0
+    i, j, side = round(x) - half, round(y) - half, 2 * half + 1
+    return highest_in(tiles, i, j, side, side) if is_active(tiles, i, j, side, side) else -1.0
 
 
 @kernel
@@ -358,18 +398,15 @@ def _how_near(immersion: int, c: Any, tiles: Any, loads: Any) -> Any:
         call_address(
             immersion, address_of(block), address_of(state), address_of(loads[b]) + 8 * WRENCH
         )
+        radius = block[hydro.RADIUS]
         speed = math.sqrt(state[12] ** 2 + state[13] ** 2 + state[14] ** 2)
-        speed += block[hydro.RADIUS] * math.sqrt(state[15] ** 2 + state[16] ** 2 + state[17] ** 2)
+        speed += radius * math.sqrt(state[15] ** 2 + state[16] ** 2 + state[17] ** 2)
         clearance = loads[b, CLEARANCE]
-        soon = clearance < speed * numbers[TIMESTEP]
-        if soon:
+        if clearance < speed * numbers[TIMESTEP]:
             wet = near = True
         elif clearance < numbers[NEAR] + 2.0 * numbers[HIGHEST]:
-            d, half = numbers[SPACING], math.ceil(block[hydro.RADIUS] / numbers[SPACING]) + MARGIN
-            x, y = (state[0] - numbers[ORIGIN_X]) / d, (state[1] - numbers[ORIGIN_Y]) / d
-            if abs(x) < 1e9 and abs(y) < 1e9:
-                side = 2 * half + 1
-                near = near or is_active(tiles, round(x) - half, round(y) - half, side, side)
+            highest = _highest_under(c, tiles, state, radius)
+            near = near or (highest >= 0.0 and clearance < numbers[NEAR] + 2.0 * highest)
     return near, wet
 
 
@@ -399,8 +436,8 @@ def coupled_steps(
         if waiting:
             c.clusters[:] = -1
         else:
-            if counts[STEPS] >= STEPS_BETWEEN_CHECKS:
-                measure(c, tiles)
+            if counts[STEPS] >= counts[BETWEEN_CHECKS] and not measure(c, tiles):
+                return m, ROOM
             if not find_clusters(c):
                 return m, CELLS
         read_surface(c, tiles)
@@ -420,17 +457,16 @@ def coupled_steps(
 
         c.reactions[:] = 0.0
         counts[STAGE] = 0
+        if c.numbers[AHEAD] >= 0.0:
+            find_faces(c)
         call_address(step, address_of(context), address_of(states[m + 1]), 0)
         loads[m, :, :WRENCH] = c.first
-        reactions[m] = c.reactions
         if counts[FAILED] != 0:
             return m + 1, DONE
         if not waiting:
             counts[STEPS] += 1
-            if not _move_surface(c, tiles, medium, general):
-                return m + 1, ROOM
-            if counts[GENERAL] != 0 and tiles.numbers[USED] > tiles.numbers[SURVEYED]:
-                return m + 1, CALLED
+            _move_surface(c, tiles, medium, general)
+            reactions[m] = c.reactions
     return loads.shape[0], DONE
 
 
@@ -462,12 +498,13 @@ def coupled_at(address: int) -> Any:
     """`Coupled` from its words: address, rows and columns of each array in turn."""
     w = as_words(address)
     return Coupled(
-        _doubles(w, 0), _integers(w, 1), _doubles(w, 2), _integers(w, 3), _doubles(w, 4), _integers(w, 5),
-        _rows(w, 6), _rows(w, 7), _rows(w, 8), _rows(w, 9), _rows(w, 10), _doubles(w, 11),
-        _integers(w, 12), _integer_rows(w, 13),
-        _doubles(w, 14), _doubles(w, 15), _doubles(w, 16), _doubles(w, 17), _doubles(w, 18),
-        _rows(w, 19), _rows(w, 20), _rows(w, 21), _doubles(w, 22), _doubles(w, 23),
-        _rows(w, 24), _doubles(w, 25), _doubles(w, 26), _integers(w, 27),
+        _doubles(w, 0), _integers(w, 1), _doubles(w, 2), _integers(w, 3),
+        _rows(w, 4), _integers(w, 5), _integer_rows(w, 6), _rows(w, 7), _integers(w, 8),
+        _rows(w, 9), _rows(w, 10), _rows(w, 11), _rows(w, 12), _rows(w, 13), _rows(w, 14), _doubles(w, 15),
+        _integers(w, 16), _integer_rows(w, 17),
+        _doubles(w, 18), _doubles(w, 19), _doubles(w, 20), _doubles(w, 21), _doubles(w, 22),
+        _rows(w, 23), _doubles(w, 24), _doubles(w, 25), _rows(w, 26), _rows(w, 27), _doubles(w, 28),
+        _integers(w, 29),
     )  # fmt: skip
 
 
@@ -499,7 +536,8 @@ def kick_step(context: Any, states_out: Any, _unused: Any) -> None:
         for k in range(6):
             c.first[b, k] = c.wrenches[b, k] + c.wrenches[b, 6 + k]
     coupling.prepare_kick(y, rows, c.first, timestep, c.states, c.means, c.mobilities)
-    solve_stage(c, 0.5 * timestep)
+    find_faces(c)
+    add_loads(c, 0.5 * timestep)
     for b in range(n):
         for k in range(6):
             y[b, rigid.P + k] += timestep * (c.wrenches[b, k] + c.wrenches[b, 6 + k])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Sequence
 from typing import Protocol
@@ -11,14 +12,15 @@ import numpy as np
 from mjskip._typing import Array
 from mjskip.errors import DivergedError, MjskipWarning
 from mjskip.hydro import _block as hydro
-from mjskip.hydro.columns import LOAD
-from mjskip.hydro.wrench import immersion_address
+from mjskip.hydro.columns import LOAD, WRENCH
+from mjskip.hydro.wrench import immersion_address, triangles_of
 from mjskip.rigid.state import STATE
 from mjskip.waves import _coupled_kernels as kernels
 from mjskip.waves._coupled_kernels import Coupled
+from mjskip.waves._face_kernels import FACE, MOBILITY
 from mjskip.waves._memory import free_memory
 from mjskip.waves._stencil import SAFE_FRACTION
-from mjskip.waves.coupling import LOAD_RADIUS, SurfaceCoupling, wave_impulse
+from mjskip.waves.coupling import LOAD_RADIUS, TOLERANCE, split_block, wave_impulse
 from mjskip.waves.field import HeightField
 from mjskip.waves.recording import SurfaceRecorder
 
@@ -27,6 +29,13 @@ NEAR = 0.02
 
 WAIT_AFTER = 0.010
 """Dry time after which the surface waits for the next body that comes near [s]."""
+
+LOOSE_TOLERANCE = 1e-4
+"""Of the loads in the last sweep, relative to the greatest, where another integrator errs by more: a sweep leaves
+about a seventh of the error that it found."""
+
+STEPS_BETWEEN_CHECKS = 16
+"""Most steps between looks for calm tiles and for those that waves reach; a wave moves half a cell at most."""
 
 MANY_CELLS = 400
 """Cells across the surface under a body beyond which a step takes longer than the water around it."""
@@ -58,7 +67,7 @@ class CoupledWater:
         timestep: float,
         density: float = 1000.0,
         gravity: float = 9.81,
-        stages: int = 1,
+        stages: int,
         load_radius: float = LOAD_RADIUS,
         recorder: SurfaceRecorder | None = None,
     ) -> None:
@@ -70,7 +79,7 @@ class CoupledWater:
             timestep: of bodies and water [s].
             density: of the water [kg/m^3].
             gravity: [m/s^2].
-            stages: evaluations that the engine makes in a step, 4 for RK4.
+            stages: evaluations that the engine makes in a step, 4 for RK4; 0 if it is `kick_step`.
             load_radius: of the bumps that spread a face's load and sample the surface under it [m].
             recorder: keeps the surface.
 
@@ -79,17 +88,18 @@ class CoupledWater:
         """
         check_water(field, timestep, gravity)
         self.field, self._recorder, self._timestep = field, recorder, timestep
-        self._solver = SurfaceCoupling(
-            blocks, spacing=field.spacing, density=density, damping=field.damping, radius=load_radius,
-            impulse=wave_impulse(
-                wave_speed=field.wave_speed, gravity=gravity, spacing=field.spacing
-            ),
-        )  # fmt: skip
         self._immersion = immersion_address()
         self._waiting, self._behind = True, 0.0
         self._patience = SAFE_FRACTION * field.max_timestep
         self._general = np.zeros(0, np.float32)
-        self.coupled = _arrays(blocks, self._solver)
+        if not load_radius >= field.spacing:
+            raise ValueError(
+                f"load_radius is {load_radius:g} m and cells are {field.spacing:g} m wide: give a radius of a cell at "
+                "least"
+            )
+        side = math.floor(2.0 * load_radius / field.spacing) + 1
+        impulse = wave_impulse(wave_speed=field.wave_speed, gravity=gravity, spacing=field.spacing)
+        self.coupled = _arrays(blocks, load_radius, side, impulse)
         numbers, grid = self.coupled.numbers, field.grid
         x, y = field.cell_position(0, 0)
         q, s = grid.coefficients(timestep)
@@ -100,20 +110,28 @@ class CoupledWater:
             (kernels.ORIGIN_X, x),
             (kernels.ORIGIN_Y, y),
             (kernels.RADIUS, load_radius),
-            (kernels.TOLERANCE, 1e-12),
-            (kernels.FACTOR, timestep / (2.0 * density * (1.0 + 0.5 * field.damping * timestep))),
+            (kernels.TOLERANCE, TOLERANCE if stages == 0 else LOOSE_TOLERANCE),
+            (
+                kernels.FACTOR,
+                timestep
+                / (2.0 * density * field.spacing**2 * (1.0 + 0.5 * field.damping * timestep)),
+            ),
             (kernels.NEAR, NEAR),
-            (kernels.HEAD, 1.0 / (density * gravity)),
+            (kernels.HEAD, 1.0 / (density * gravity * field.spacing**2)),
             (kernels.Q, q),
             (kernels.S, s),
             (kernels.EDGE, edge),
             (kernels.CORNER, corner),
             (kernels.AMPLITUDE, field.sleep_amplitude),
             (kernels.WAIT_AFTER, WAIT_AFTER),
+            (kernels.AHEAD, 0.5 * timestep if stages else -1.0),
         ):
             numbers[name] = value
         numbers[kernels.HIGHEST] = field.highest
         self.coupled.counts[kernels.STAGES] = stages
+        self.coupled.counts[kernels.SIDE] = side
+        courant = field.wave_speed * timestep / field.spacing
+        self.coupled.counts[kernels.BETWEEN_CHECKS] = min(STEPS_BETWEEN_CHECKS, max(1, int(0.5 / courant)))  # fmt: skip
         self.coupled.counts[kernels.GENERAL] = grid.is_general
         self._general = grid.general_numbers(q, s, timestep)
         self.words = np.empty(3 * len(self.coupled), np.int64)
@@ -204,7 +222,7 @@ class CoupledWater:
         elif why == kernels.CALLED:
             grid.survey()
         elif why == kernels.CELLS:
-            self._make_cells(4 * len(self.coupled.pressure))
+            self._make_cells(4 * len(self.coupled.heads))
 
     def _check_finite(self) -> None:
         failed = int(self.coupled.counts[kernels.FAILED])
@@ -246,7 +264,7 @@ class CoupledWater:
         n = len(self.coupled.clusters)
         self.coupled = self.coupled._replace(
             patches=np.zeros(hydro.PATCH_POINTS * n + 2 * cells),
-            pressure=np.zeros(cells),
+            heads=np.zeros(cells),
             open_cells=np.zeros(cells),
             field=np.zeros(cells),
             wide=np.zeros(4 * cells),
@@ -278,7 +296,7 @@ def check_water(field: HeightField, timestep: float, gravity: float) -> None:
         )
 
 
-def _arrays(blocks: Sequence[Array], solver: SurfaceCoupling) -> Coupled:
+def _arrays(blocks: Sequence[Array], radius: float, side: int, impulse: Array) -> Coupled:
     """Arrays for bodies; those for cells are still empty."""
     n = len(blocks)
     rest = [block.copy() for block in blocks]
@@ -287,40 +305,55 @@ def _arrays(blocks: Sequence[Array], solver: SurfaceCoupling) -> Coupled:
         block[law] = 0.0
         if not (block[hydro.WEIGHT_DENSITY] or block[hydro.SKIN_DENSITY]):
             block[[hydro.N_FACES, hydro.STRIDE]] = 0  # the air needs none
-    faces, spots, matrix, speeds, loads = solver.work
-    impulse, profile, _ = solver.response
+    triangles = [triangles_of(split_block(block, radius)) for block in blocks]
+    meshes = [_shared_vertices(corners) for corners in triangles]
+    vectors = [0.5 * np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]) for t in triangles]
+    panels = [
+        np.column_stack(
+            [v / np.linalg.norm(v, axis=1)[:, None], t.mean(axis=1), np.linalg.norm(v, axis=1)]
+        )
+        for v, t in zip(vectors, triangles, strict=True)
+    ]
     nothing = np.zeros(0)
     return Coupled(
-        split=solver.blocks,
-        split_starts=solver.starts.astype(np.int64),
         own=np.concatenate(blocks),
         own_starts=_starts(blocks),
         rest=np.concatenate(rest),
         rest_starts=_starts(rest),
+        vertices=np.concatenate([vertices for vertices, _ in meshes]),
+        vertex_starts=_starts([vertices for vertices, _ in meshes]),
+        corners=np.concatenate([corners for _, corners in meshes]),
+        panels=np.concatenate(panels),
+        face_starts=_starts(panels),
         states=np.zeros((n, STATE)),
+        poses=np.zeros((n, STATE)),
         means=np.zeros((n, STATE)),
-        mobilities=np.zeros((n, kernels.coupling.MOBILITY)),
-        wrenches=np.zeros((n, 12)),
-        first=np.zeros((n, 12)),
+        mobilities=np.zeros((n, MOBILITY)),
+        wrenches=np.zeros((n, WRENCH)),
+        first=np.zeros((n, WRENCH)),
         reactions=np.zeros(n),
         clusters=np.full(n, -1, np.int64),
         boxes=np.zeros((n, kernels.BOX), np.int64),
         patches=nothing,
-        pressure=nothing,
+        heads=nothing,
         open_cells=nothing,
         field=nothing,
         wide=nothing,
-        faces=faces,
-        spots=spots,
-        matrix=matrix,
-        speeds=speeds,
-        loads=loads,
+        faces=np.zeros((sum(map(len, panels)), FACE + side**2 + (side + 2) ** 2)),
+        guesses=np.zeros(sum(map(len, panels))),
+        heights=np.zeros(max(len(vertices) for vertices, _ in meshes)),
+        turns=np.zeros((n, 6)),
         impulse=impulse,
-        profile=profile,
         numbers=np.zeros(kernels.NUMBERS),
         counts=np.zeros(kernels.COUNTS, np.int64),
     )
 
 
-def _starts(blocks: Sequence[Array]) -> kernels.Integers:
-    return np.cumsum([0, *(len(block) for block in blocks)]).astype(np.int64)
+def _shared_vertices(triangles: Array) -> tuple[Array, kernels.Integers]:
+    """Vertices (v, 3) and the corners (f, 3) of triangles (f, 3, 3) among them."""
+    vertices, corners = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
+    return vertices, corners.reshape(-1, 3).astype(np.int64)
+
+
+def _starts(parts: Sequence[Array]) -> kernels.Integers:
+    return np.cumsum([0, *(len(part) for part in parts)]).astype(np.int64)

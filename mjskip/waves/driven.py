@@ -92,4 +92,6 @@ class DrivenWater:
             force = float(reactions[:, b].mean())
             if force != 0.0:
                 radius = max(math.sqrt(area / math.pi), 1e-9)
-                self.field.press(float(x), float(y), force=force, radius=radius, density=self._density)
+                self.field.press(
+                    float(x), float(y), force=force, radius=radius, density=self._density
+                )
