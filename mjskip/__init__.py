@@ -11,9 +11,14 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from mjskip import errors as errors
+    from mjskip.coupling.attach import Coupling as Coupling
     from mjskip.coupling.attach import attach as attach
+    from mjskip.coupling.flotation import float_at_rest as float_at_rest
     from mjskip.coupling.plugin import register_plugin as register_plugin
+    from mjskip.draw.appearance import WaterAppearance as WaterAppearance
     from mjskip.draw.render import render_video as render_video
+    from mjskip.draw.renderer import Renderer as Renderer
+    from mjskip.hydro.hull import Hull as Hull
     from mjskip.hydro.laws import LAWS as LAWS
     from mjskip.hydro.stone import Stone as Stone
     from mjskip.hydro.water import Water as Water
@@ -34,15 +39,20 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = [
-    "LAWS", "Contact", "HeightField", "Limits", "Scene", "Stone", "Throw", "Trajectory", "Water",
-    "attach", "errors", "integrate", "load_scene", "optimize", "register_plugin", "render_video",
+    "LAWS", "Contact", "Coupling", "HeightField", "Hull", "Limits", "Renderer", "Scene", "Stone", "Throw",
+    "Trajectory", "Water", "WaterAppearance", "attach", "errors", "float_at_rest", "integrate", "load_scene",
+    "optimize", "register_plugin", "render_video",
     "simulate", "simulate_all", "sweep", "wrench",
 ]  # fmt: skip
 
 _WHERE = {
-    "coupling.attach": ["attach"],
+    "coupling.attach": ["Coupling", "attach"],
+    "coupling.flotation": ["float_at_rest"],
     "coupling.plugin": ["register_plugin"],
+    "draw.appearance": ["WaterAppearance"],
     "draw.render": ["render_video"],
+    "draw.renderer": ["Renderer"],
+    "hydro.hull": ["Hull"],
     "hydro.laws": ["LAWS"],
     "hydro.stone": ["Stone"],
     "hydro.water": ["Water"],

@@ -309,6 +309,7 @@ def test_options_that_are_none_are_refused(lake, options, message):
         simulate(lake, **options)
 
 
+@pytest.mark.filterwarnings("ignore:body 'brick' of 0.2 kg displaces")
 @pytest.mark.parametrize("engine", ["mujoco", "reference"])
 def test_a_run_that_diverges_says_which_body_and_when(tmp_path, monkeypatch, engine):
     monkeypatch.chdir(tmp_path)

@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip._typing import Array
-from mjskip.coupling.bodies import body_stone
 from mjskip.coupling.plugin import NAME, plugin_water
+from mjskip.coupling.wet import body_stone
 from mjskip.envs.simulation import Flags, Rows, Simulation
 from mjskip.envs.task import Task
 from mjskip.envs.touches import LIMITS, ThrownStones

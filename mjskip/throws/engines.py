@@ -16,6 +16,7 @@ from mjskip._typing import Array
 from mjskip.coupling._struct_layout import library
 from mjskip.coupling.attach import Coupling, attach
 from mjskip.coupling.bodies import find_body
+from mjskip.coupling.wet import THROWN
 from mjskip.errors import DivergedError, SceneError
 from mjskip.hydro.wrench import entry_address, pack, wrench_address
 from mjskip.rigid import _rigid_kernels as rigid
@@ -226,7 +227,10 @@ class MujocoEngine:
     def __enter__(self) -> MujocoEngine:
         self._open.enter_context(_unlogged())
         if self._water is not None:
-            water = attach(self.model, self.data, water=self._water, bodies=list(self.names))
+            water = attach(
+                self.model, self.data, water=self._water, bodies=list(self.names),
+                max_faces=THROWN.max_faces,
+            )  # fmt: skip
             self._coupling = self._open.enter_context(water)
         return self
 

@@ -8,7 +8,6 @@ Bodies that carry the engine plugin `mjskip.water` have their water from it.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -18,9 +17,13 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from mjskip.coupling.bodies import body_name, body_stone, find_body, free_bodies
-from mjskip.coupling.plugin import NAME, plugin_water, register_plugin
+from mjskip._typing import PathLike
+from mjskip.checks import check_path, check_type
+from mjskip.coupling.bodies import body_name, find_body, free_bodies
+from mjskip.coupling.loading import load_model
+from mjskip.coupling.plugin import NAME, plugin_options, plugin_water
 from mjskip.coupling.terrain import Land
+from mjskip.coupling.wet import THROWN, body_stone
 from mjskip.errors import SceneError
 from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
@@ -42,7 +45,7 @@ OBSTACLES = "obstacles"
 CONTROL, RELEASE = "control.", "release."
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Scene:
     """A compiled model with its settings.
 
@@ -72,6 +75,9 @@ class Scene:
     arm: Arm
     held: frozenset[str]
 
+    def __repr__(self) -> str:
+        return f"Scene({self.path.name}, body={self.body!r}, {len(self.throws)} free bodies)"
+
     @property
     def throw(self) -> Throw:
         """The throw of the chosen body."""
@@ -80,7 +86,12 @@ class Scene:
     @cached_property
     def stones(self) -> Mapping[str, Stone]:
         """Every free body as a stone, by name."""
-        return {name: body_stone(self.model, find_body(self.model, name)) for name in self.throws}
+        found = {}
+        for name in self.throws:
+            body = find_body(self.model, name)
+            options = plugin_options(self.model, body) if name in self.plugged else THROWN
+            found[name] = body_stone(self.model, body, options)
+        return found
 
     @property
     def stone(self) -> Stone:
@@ -98,12 +109,12 @@ class Scene:
         """
         grid = dict(self.grid)
         mask = Land(self.model) if self.obstacles else None
-        if grid.get("boundary") == "absorb" and grid.get("stencil", "nine_point") == "nine_point":
-            settings = {
-                k: v for k, v in grid.items() if k in ("spacing", "wave_speed", "damping", "centre")
-            }
+        absorbs = grid.get("boundary") == "absorb"
+        if absorbs and grid.get("stencil", "nine_point") == "nine_point":
+            kept = ("spacing", "wave_speed", "damping", "centre")
+            settings = {name: grid[name] for name in kept if name in grid}
             return HeightField.endless(**settings, terrain_mask=mask)
-        asleep = 0.0 if grid.get("boundary") == "absorb" else SLEEP_AMPLITUDE
+        asleep = 0.0 if absorbs else SLEEP_AMPLITUDE
         return HeightField(**grid, terrain_mask=mask, sleep_amplitude=asleep)
 
     def rethrow(self, **changes: float) -> Scene:
@@ -145,7 +156,7 @@ def shipped_scenes() -> dict[str, Path]:
     return {}
 
 
-def load_scene(path: str | os.PathLike[str] = "lake", *, body: str | None = None) -> Scene:
+def load_scene(path: PathLike = "lake", *, body: str | None = None) -> Scene:
     """Load a scene from an MJCF file, or by the name of a shipped one.
 
     Args:
@@ -158,11 +169,9 @@ def load_scene(path: str | os.PathLike[str] = "lake", *, body: str | None = None
         MeshError: a stone's mesh is not closed.
     """
     file = _find(path)
-    try:
-        model = _compile(file)
-    except ValueError as error:
-        reason = " ".join(str(error).split())
-        raise SceneError(f"{file} does not compile as MJCF: {reason}") from error
+    if body is not None:
+        check_type("body", body, str, "give the name of a free body")
+    model = load_model(file)
     names = [body_name(model, b) for b in free_bodies(model)]
     if not names:
         raise SceneError(f"{file} has no free body: give the stone a <freejoint/>")
@@ -200,17 +209,6 @@ def load_scene(path: str | os.PathLike[str] = "lake", *, body: str | None = None
     return scene
 
 
-def _compile(file: Path) -> mujoco.MjModel:
-    """The model; the engine plugin is registered if it turns out to be needed."""
-    try:
-        return mujoco.MjModel.from_xml_path(str(file))
-    except ValueError as error:
-        if f"plugin {NAME} not found" not in str(error):
-            raise
-    register_plugin()
-    return mujoco.MjModel.from_xml_path(str(file))
-
-
 def _plugged(model: mujoco.MjModel, file: Path, names: list[str]) -> dict[str, Water]:
     """The water of the stones that carry the engine plugin."""
     waters = {name: plugin_water(model, find_body(model, name)) for name in names}
@@ -228,8 +226,8 @@ def _with_prefix(settings: Mapping[str, Any], prefix: str) -> dict[str, Any]:
     return {k.removeprefix(prefix): v for k, v in settings.items() if k.startswith(prefix)}
 
 
-def _find(path: str | os.PathLike[str]) -> Path:
-    file = Path(path)
+def _find(path: PathLike) -> Path:
+    file = check_path("scene", path)
     if file.is_file():
         return file
     shipped = shipped_scenes()

@@ -15,8 +15,8 @@ import numpy as np
 
 from mjskip._typing import PathLike
 from mjskip.checks import check_choice, check_positive
-from mjskip.coupling.attach import compile_callback
 from mjskip.coupling.bodies import find_body
+from mjskip.coupling.callback import compile_callback
 from mjskip.errors import MjskipWarning
 from mjskip.hydro.stone import Stone
 from mjskip.rigid.attitude import angles, matrices

@@ -123,7 +123,7 @@ def read_moving_block(
     level_out: Any,
     rate_out: Any,
     open_out: Any,
-) -> float:
+) -> Any:
     """What a body feels of the surface over a step, on a block of cells: its level and its speed without loads.
 
         rate = (z_free - z-) / (2 t),    z_free = z + q (z - z-) + s L(z)
@@ -135,7 +135,7 @@ def read_moving_block(
         open_out: (nx, ny), 1 in water and 0 on land and beyond walls.
 
     Returns:
-        Greatest |level| [m].
+        Greatest |level| [m] and |rate| [m/s].
     """
     q, edge, corner, per_two_steps = numbers
     z, before = wide
@@ -143,7 +143,7 @@ def read_moving_block(
     nx, ny = level_out.shape
     walls = tiles.numbers[NX] != 0 and tiles.numbers[PERIODIC] == 0
     masked = tiles.water.size > 0
-    highest = 0.0
+    highest = fastest = 0.0
     for p in range(nx):
         for r in range(ny):
             here, old = z[p + 1, r + 1], before[p + 1, r + 1]
@@ -159,8 +159,8 @@ def read_moving_block(
             level_out[p, r] = here
             rate_out[p, r] = water * per_two_steps * (free - old)
             open_out[p, r] = water
-            highest = max(highest, abs(here))
-    return highest
+            highest, fastest = max(highest, abs(here)), max(fastest, abs(rate_out[p, r]))
+    return highest, fastest
 
 
 @kernel

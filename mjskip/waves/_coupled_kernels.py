@@ -79,10 +79,10 @@ class Coupled(NamedTuple):
     """Bodies and the blocks of surface under them.
 
     Attributes:
-        own, own_starts: blocks of the bodies in a row, and where each begins: what is immersed, and the law.
+        own, own_starts: blocks of the bodies in a row, and where each begins: what is immersed.
         rest, rest_starts: those without the law: air, and buoyancy and skin friction if the water has them.
-        vertices, vertex_starts: of the bodies with their faces split (v, 3), body axes [m], and where each body's
-            begin.
+        split, split_starts: those whose faces are no longer than the bumps' radius: what the law loads.
+        vertices, vertex_starts: of the split bodies (v, 3), body axes [m], and where each body's begin.
         corners, panels, face_starts: of those faces, see `find_wet_faces`.
         states: at the present evaluation (n, 18).
         poses: where the wet faces are looked for (n, 18).
@@ -93,6 +93,7 @@ class Coupled(NamedTuple):
         reactions: vertical force of the law over the step, as its evaluations are weighted (n,) [N].
         clusters: which block of cells each body is on; -1 if on none (n,).
         boxes: of the blocks of cells (n, BOX).
+        fastest: greatest |rate| on each of them [m/s].
         patches: for each of them a patch of `mjskip.hydro._block`: level and rate.
         heads, open_cells, field: on their cells: pressure head [m], 1 in water, scratch.
         wide: scratch for two levels and their rims.
@@ -107,6 +108,8 @@ class Coupled(NamedTuple):
     own_starts: Integers
     rest: Array
     rest_starts: Integers
+    split: Array
+    split_starts: Integers
     vertices: Array
     vertex_starts: Integers
     corners: Integers
@@ -121,6 +124,7 @@ class Coupled(NamedTuple):
     reactions: Array
     clusters: Integers
     boxes: Integers
+    fastest: Array
     patches: Array
     heads: Array
     open_cells: Array
@@ -153,7 +157,7 @@ def _patch(c: Any, cluster: int) -> Any:
     rate = c.patches[at + size : at + 2 * size].reshape(nx, ny)
     d = c.numbers[SPACING]
     x, y = c.numbers[ORIGIN_X] + i0 * d, c.numbers[ORIGIN_Y] + j0 * d
-    return (x, y, d), level, rate
+    return (x, y, d, c.fastest[cluster]), level, rate
 
 
 @kernel
@@ -244,7 +248,7 @@ def read_surface(c: Any, tiles: Any) -> None:
         rim = (nx + 2) * (ny + 2)
         wide = c.wide[:rim].reshape(nx + 2, ny + 2), c.wide[rim : 2 * rim].reshape(nx + 2, ny + 2)
         frame, level, rate = _patch(c, k)
-        highest = read_moving_block(
+        highest, c.fastest[k] = read_moving_block(
             tiles, box[I0], box[J0], known, wide, level, rate, _cells(c.open_cells, box)
         )
         head = c.patches[box[PATCH] : box[PATCH] + hydro.PATCH_POINTS]
@@ -278,15 +282,15 @@ def find_faces(c: Any) -> None:
                 f0, f1 = c.face_starts[b], c.face_starts[b + 1]
                 faces.place_ahead(c.states[b], max(numbers[AHEAD], 0.0), c.poses[b])
                 found = faces.find_wet_faces(
-                    c.own[c.own_starts[b] :], c.vertices[v0:v1], c.corners[f0:f1],
+                    c.split[c.split_starts[b] :], c.vertices[v0:v1], c.corners[f0:f1],
                     c.panels[f0:f1], c.poses[b], frame, level, b, f0, c.guesses, c.heights,
                     c.faces, found,
                 )  # fmt: skip
-        box[LAST] = found
-        faces.spread_faces(
-            c.faces, box[FIRST], found, counts[SIDE], numbers[RADIUS], frame, rate,
-            _cells(c.open_cells, box), c.impulse,
+        found = faces.spread_faces(
+            c.faces, box[FIRST], found, counts[SIDE], numbers[RADIUS], c.states, frame, rate,
+            _cells(c.open_cells, box), c.impulse, c.guesses,
         )  # fmt: skip
+        box[LAST] = found
 
 
 @kernel
@@ -498,13 +502,13 @@ def coupled_at(address: int) -> Any:
     """`Coupled` from its words: address, rows and columns of each array in turn."""
     w = as_words(address)
     return Coupled(
-        _doubles(w, 0), _integers(w, 1), _doubles(w, 2), _integers(w, 3),
-        _rows(w, 4), _integers(w, 5), _integer_rows(w, 6), _rows(w, 7), _integers(w, 8),
-        _rows(w, 9), _rows(w, 10), _rows(w, 11), _rows(w, 12), _rows(w, 13), _rows(w, 14), _doubles(w, 15),
-        _integers(w, 16), _integer_rows(w, 17),
-        _doubles(w, 18), _doubles(w, 19), _doubles(w, 20), _doubles(w, 21), _doubles(w, 22),
-        _rows(w, 23), _doubles(w, 24), _doubles(w, 25), _rows(w, 26), _rows(w, 27), _doubles(w, 28),
-        _integers(w, 29),
+        _doubles(w, 0), _integers(w, 1), _doubles(w, 2), _integers(w, 3), _doubles(w, 4), _integers(w, 5),
+        _rows(w, 6), _integers(w, 7), _integer_rows(w, 8), _rows(w, 9), _integers(w, 10),
+        _rows(w, 11), _rows(w, 12), _rows(w, 13), _rows(w, 14), _rows(w, 15), _rows(w, 16), _doubles(w, 17),
+        _integers(w, 18), _integer_rows(w, 19), _doubles(w, 20),
+        _doubles(w, 21), _doubles(w, 22), _doubles(w, 23), _doubles(w, 24), _doubles(w, 25),
+        _rows(w, 26), _doubles(w, 27), _doubles(w, 28), _rows(w, 29), _rows(w, 30), _doubles(w, 31),
+        _integers(w, 32),
     )  # fmt: skip
 
 

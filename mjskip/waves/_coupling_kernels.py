@@ -12,7 +12,10 @@ sum to 1, and the same weights sample the surface and spread the load. What z[n+
 makes vn = free - M f with a symmetric M >= 0, and f is monotone in vn: there is one solution. Gauss-Seidel finds
 it, each face in closed form.
 
-A *surface* is a local block of cells: frame (x and y of its first cell, spacing, greatest |level|), level z[n],
+Faces that would recede from the surface if none were loaded stay unloaded: with f_i = 0 the balance of energy holds
+as well, and they need no row of M.
+
+A *surface* is a local block of cells: frame (x and y of its first cell, spacing, greatest |level| and |rate|), level z[n],
 rate (z_free[n+1] - z[n-1]) / (2 dt) and open cells (0 on land, else 1), arrays (nx, ny), x first. Outside of it
 the water is still.
 
@@ -26,24 +29,28 @@ from typing import Any
 from mjskip._compile.jit import kernel
 from mjskip.hydro import _block as hydro
 from mjskip.hydro._clip_kernels import immersed_part
-from mjskip.hydro._wrench_kernels import pressure_centre
+from mjskip.hydro._strip_kernels import pressure_centre
 from mjskip.rigid import _rigid_kernels as rigid
 
 POINT_X, POINT_Y = 0, 1  # where the load acts, world [m]
 ARM = 2  # of that point about the body's centre of mass, world axes (3) [m]
 NORMAL = 5  # outward, world axes (3)
 AREA = 8  # wet [m^2]
-SQUARED = 9  # f = SQUARED vn^2 + LINEAR vn
+SQUARED = (
+    9  # f = SQUARED vn^2 + LINEAR vn, or of a law with a cavity CAVITY pi vn / (FOUR_U + pi vn)
+)
 LINEAR = 10
-BODY = 11
-FACE = 12  # doubles for one face
+CAVITY = 11
+FOUR_U = 12
+BODY = 13
+FACE = 14  # doubles for one face
 
 INVERSE_MASS = 0  # of a body, for `add_mobility`
 INVERSE_INERTIA = 1  # world axes (9)
 MOBILITY = 10
 
-SPACING, HIGHEST = 2, 3  # of a frame
-FRAME = 4
+SPACING, HIGHEST, FASTEST = 2, 3, 4  # of a frame
+FRAME = 5
 
 SPOT = 2  # doubles of a spot before its weights
 
@@ -73,6 +80,8 @@ def find_faces(
 ) -> int:
     """Wet parts of a body's triangles, appended to faces from row `count` on; the number of faces then.
 
+    Left out is what recedes faster than the surface moves anywhere.
+
     Args:
         block: of a body whose triangles are no longer than the radius of the bumps.
         state: of the body (18,).
@@ -92,6 +101,9 @@ def find_faces(
     bx = state[3] * vx + state[6] * vy + state[9] * vz
     by = state[4] * vx + state[7] * vy + state[10] * vz
     bz = state[5] * vx + state[8] * vy + state[11] * vz
+    wx = state[3] * state[15] + state[6] * state[16] + state[9] * state[17]
+    wy = state[4] * state[15] + state[7] * state[16] + state[10] * state[17]
+    wz = state[5] * state[15] + state[8] * state[16] + state[11] * state[17]
     n = int(block[hydro.STRIDE])
     for k in range(int(block[hydro.N_FACES])):
         a = hydro.HEADER + k
@@ -117,9 +129,12 @@ def find_faces(
             depth = -(z + ux * x + uy * y + uz * h)
             if highest > 0.0:
                 depth += _level_under(state, frame, level, x, y, h)
-            x, y, h = pressure_centre(
-                x, y, h, nx, ny, nz, bx, by, bz, ux, uy, uz, depth, block[hydro.RADIUS]
-            )
+            x, y, h = pressure_centre(block, k, x, y, h, nx, ny, nz, bx, by, bz, ux, uy, uz, depth)
+        advance = (
+            nx * (bx + wy * h - wz * y) + ny * (by + wz * x - wx * h) + nz * (bz + wx * y - wy * x)
+        )
+        if advance + frame[FASTEST] * abs(ux * nx + uy * ny + uz * nz) <= 0.0:
+            continue
         face = faces[count]
         for axis in range(3):
             face[ARM + axis] = (
@@ -134,6 +149,8 @@ def find_faces(
         face[AREA] = area
         face[SQUARED] = area * block[hydro.NORMAL_SQUARED]
         face[LINEAR] = area * block[hydro.SPEED_NORMAL] * speed
+        face[CAVITY] = area * block[hydro.CAVITY] * speed * speed
+        face[FOUR_U] = 4.0 * speed
         face[BODY] = body
         count += 1
     return count
@@ -217,8 +234,10 @@ def add_spot(spot: Any, side: int, amount: float, field: Any) -> None:
 @kernel
 def free_speeds(
     faces: Any, count: int, states: Any, spots: Any, side: int, rate: Any, speeds: Any
-) -> None:
+) -> int:
     """n_i . (V + omega x r_i) - n_iz S_i rate: normal speeds if no face were loaded.
+
+    Faces that recede then are removed; the number of those that are left.
 
     Args:
         faces, count: the faces.
@@ -227,6 +246,7 @@ def free_speeds(
         rate: of the surface without loads (nx, ny).
         speeds: out (n,).
     """
+    left = 0
     for n in range(count):
         face, state = faces[n], states[int(faces[n, BODY])]
         rx, ry, rz = face[ARM], face[ARM + 1], face[ARM + 2]
@@ -234,7 +254,17 @@ def free_speeds(
         vx = state[12] + state[16] * rz - state[17] * ry
         vy = state[13] + state[17] * rx - state[15] * rz
         vz = state[14] + state[15] * ry - state[16] * rx
-        speeds[n] = nx * vx + ny * vy + nz * (vz - sample(spots[n], side, rate))
+        speed = nx * vx + ny * vy + nz * (vz - sample(spots[n], side, rate))
+        if speed <= 0.0:
+            continue
+        speeds[left] = speed
+        if left < n:
+            for k in range(FACE):
+                faces[left, k] = face[k]
+            for k in range(SPOT + side * side):
+                spots[left, k] = spots[n, k]
+        left += 1
+    return left
 
 
 @kernel
@@ -367,7 +397,8 @@ def solve(
 
         vn = 2 c / (q + sqrt(q^2 + 4 M_ii s c)),   q = 1 + M_ii l
 
-    which is linear without s and has no difference of like numbers.
+    which is linear without s and has no difference of like numbers. A law with a cavity is a quadratic too,
+    pi vn^2 + (4 U + M_ii p - pi c) vn = 4 U c with p = pi CAVITY.
 
     Args:
         faces, count: the faces.
@@ -387,9 +418,16 @@ def solve(
             c = speeds[n] + own * old
             new = 0.0
             if c > 0.0:
-                s, q = faces[n, SQUARED], 1.0 + own * faces[n, LINEAR]
-                vn = 2.0 * c / (q + math.sqrt(q * q + 4.0 * own * s * c))
-                new = vn * (s * vn + faces[n, LINEAR])
+                if faces[n, CAVITY] > 0.0:
+                    p, r = math.pi * faces[n, CAVITY], faces[n, FOUR_U]
+                    q = r + own * p - math.pi * c
+                    root = math.sqrt(q * q + 4.0 * math.pi * r * c)
+                    vn = 2.0 * r * c / (q + root) if q > 0.0 else (root - q) / (2.0 * math.pi)
+                    new = p * vn / (r + math.pi * vn)
+                else:
+                    s, q = faces[n, SQUARED], 1.0 + own * faces[n, LINEAR]
+                    vn = 2.0 * c / (q + math.sqrt(q * q + 4.0 * own * s * c))
+                    new = vn * (s * vn + faces[n, LINEAR])
             if new != old:
                 step = new - old
                 loads[n] = new
@@ -441,28 +479,6 @@ def dissipation(count: int, speeds: Any, loads: Any) -> float:
 
 
 @kernel
-def solve_faces(
-    count: int, mean_states: Any, surface: Any, radius: float, response: Any, factor: float,
-    bodies: Any, kick: float, tolerance: float, work: Any,
-) -> int:  # fmt: skip
-    """Loads on the first `count` faces; the sweeps made. Arguments as for `solve_loads`."""
-    frame, _, rate, open_cells = surface
-    impulse, profile, per_metre = response
-    faces, spots, matrix, speeds, loads, field = work
-    side = math.floor(2.0 * radius / frame[SPACING]) + 1
-    spread_bumps(faces, count, frame, radius, open_cells, side, spots)
-    free_speeds(faces, count, mean_states, spots, side, rate, speeds)
-    if impulse.size > 0:
-        area = frame[SPACING] * frame[SPACING]
-        surface_response(faces, count, spots, side, impulse, factor / area, field, matrix)
-    else:
-        surface_response_by_distance(faces, count, profile, per_metre, factor, matrix)
-    if kick > 0.0:
-        add_mobility(faces, count, bodies, kick, matrix)
-    return solve(faces, count, matrix, tolerance, MOST_SWEEPS, speeds, loads)
-
-
-@kernel
 def solve_loads(
     blocks: Any, starts: Any, states: Any, mean_states: Any, surface: Any, radius: float,
     response: Any, factor: float, bodies: Any, kick: float, tolerance: float, work: Any,
@@ -483,17 +499,26 @@ def solve_loads(
         work: faces (m, FRAME), spots (m, SPOT + side^2), matrix (m, m), speeds (m,), loads (m,) and a field of
             the surface's shape; m all triangles of all bodies.
     """
-    frame, level, faces = surface[0], surface[1], work[0]
+    frame, level, rate, open_cells = surface
+    impulse, profile, per_metre = response
+    faces, spots, matrix, speeds, loads, field = work
+    side = math.floor(2.0 * radius / frame[SPACING]) + 1
     count = 0
     for body in range(states.shape[0]):
         block = blocks[starts[body] : starts[body + 1]]
         count = find_faces(block, states[body], frame, level, body, faces, count)
     if count == 0:
         return 0, 0
-    sweeps = solve_faces(
-        count, mean_states, surface, radius, response, factor, bodies, kick, tolerance, work
-    )
-    return count, sweeps
+    spread_bumps(faces, count, frame, radius, open_cells, side, spots)
+    count = free_speeds(faces, count, mean_states, spots, side, rate, speeds)
+    if impulse.size > 0:
+        area = frame[SPACING] * frame[SPACING]
+        surface_response(faces, count, spots, side, impulse, factor / area, field, matrix)
+    else:
+        surface_response_by_distance(faces, count, profile, per_metre, factor, matrix)
+    if kick > 0.0:
+        add_mobility(faces, count, bodies, kick, matrix)
+    return count, solve(faces, count, matrix, tolerance, MOST_SWEEPS, speeds, loads)
 
 
 @kernel

@@ -1,13 +1,15 @@
 """Loads of wet faces on water whose response to a load is local: found once a step, solved cell by cell.
 
     vn_i = n_i . (V + omega x r_i) - n_iz S_i (rate + u) - mobility
-    f_i  = s_i (vn_i)+^2 + l_i (vn_i)+,    u = sum_j k n_jz f_j G S_j^T,    k = dt / (2 rho d^2 (1 + mu dt / 2))
+    f_i  = s_i (vn_i)+^2 + l_i (vn_i)+, or of a law with a cavity e_i pi (vn_i)+ / (4 U + pi (vn_i)+)
+    u = sum_j k n_jz f_j G S_j^T,    k = dt / (2 rho d^2 (1 + mu dt / 2))
 
 the equations of `_coupling_kernels`, without its matrix: Gauss-Seidel keeps u on the cells, where a face reads and
 writes only what is under it. With the nine-point G that is (2 e / d + 3)^2 cells however many faces there are.
 
 A *face* is a row of FACE doubles and then (2 e / d + 1)^2 weights S_i and (2 e / d + 3)^2 answers G S_i^T, on the
-cells from one before the first cell of the weights on. All of it lies within the block of cells.
+cells from one before the first cell of the weights on. All of it lies within the block of cells. Faces that would
+recede from the surface if none were loaded stay unloaded and are left out, as in `_coupling_kernels`.
 """
 
 import math
@@ -17,7 +19,7 @@ from mjskip._compile.jit import inlined, kernel
 from mjskip._compile.pointers import address_of, as_doubles, place_of
 from mjskip.hydro import _block as hydro
 from mjskip.hydro._clip_kernels import immersed_part
-from mjskip.hydro._wrench_kernels import pressure_centre
+from mjskip.hydro._strip_kernels import pressure_centre
 from mjskip.rigid.state import OMEGA, POSITION, ROTATION, VELOCITY
 
 BODY = 0
@@ -31,7 +33,8 @@ LOAD = 13  # f
 SPEED = 14  # vn
 TOTAL = 15  # f over a step, its evaluations weighted as the engine weights them
 PANEL = 16  # which of all faces of all bodies it is a part of
-FACE = 17
+CAVITY, FOUR_U = 17, 18  # of a law with a cavity: f = CAVITY pi vn / (FOUR_U + pi vn)
+FACE = 19
 
 INVERSE_MASS, INVERSE_INERTIA, MOBILITY = (
     0,
@@ -89,11 +92,11 @@ def find_wet_faces(
     """Append the wet parts of a body's faces; the number of faces then.
 
     Args:
-        block: of the body, for its law.
+        block: of the body with its faces split, for its law and its planes.
         vertices: (v, 3), corners: (f, 3) of its faces, none longer than the bumps' radius.
         panels: outward normal (3), centroid (3) and area of each face, (f, 7), body axes.
         state: of the body (18,).
-        frame, level: x and y of the block's first cell, spacing; level z (nx, ny).
+        frame, level: x and y of the block's first cell, spacing, greatest |rate|; level z (nx, ny).
         body: its number; panel: that of its first face among those of all bodies.
         guesses: loads of all faces a step ago [N].
         heights: scratch (v,).
@@ -111,14 +114,18 @@ def find_wet_faces(
     speed = math.sqrt(vx * vx + vy * vy + vz * vz)
     squared = block[hydro.NORMAL_SQUARED]
     linear = block[hydro.SPEED_NORMAL] * speed
-    forward = block[hydro.FORWARD] != 0.0
+    cavity, forward = block[hydro.CAVITY], block[hydro.FORWARD] != 0.0
     bx = state[3] * vx + state[6] * vy + state[9] * vz  # velocity in body axes
     by = state[4] * vx + state[7] * vy + state[10] * vz
     bz = state[5] * vx + state[8] * vy + state[11] * vz
+    wx = state[3] * state[15] + state[6] * state[16] + state[9] * state[17]
+    wy = state[4] * state[15] + state[7] * state[16] + state[10] * state[17]
+    wz = state[5] * state[15] + state[8] * state[16] + state[11] * state[17]
     for k in range(corners.shape[0]):
         a, b, c = corners[k, 0], corners[k, 1], corners[k, 2]
         ha, hb, hc = heights[a], heights[b], heights[c]
         if ha >= 0.0 and hb >= 0.0 and hc >= 0.0:
+            guesses[panel + k] = 0.0
             continue
         row = panels[k]
         area, x, y, h = row[6], row[3], row[4], row[5]
@@ -136,22 +143,27 @@ def find_wet_faces(
                 state[0] + state[3] * x + state[4] * y + state[5] * h,
                 state[1] + state[6] * x + state[7] * y + state[8] * h,
             )  # fmt: skip
-            x, y, h = pressure_centre(
-                x, y, h, nx, ny, nz, bx, by, bz, ux, uy, uz, depth, block[hydro.RADIUS]
-            )
+            x, y, h = pressure_centre(block, k, x, y, h, nx, ny, nz, bx, by, bz, ux, uy, uz, depth)
+        advance = (
+            nx * (bx + wy * h - wz * y) + ny * (by + wz * x - wx * h) + nz * (bz + wx * y - wy * x)
+        )
+        if advance + frame[3] * abs(ux * nx + uy * ny + uz * nz) <= 0.0:
+            guesses[panel + k] = 0.0
+            continue  # it recedes faster than the surface moves anywhere
         face = faces[count]
         face[BODY] = body
         rx = state[3] * x + state[4] * y + state[5] * h
         ry = state[6] * x + state[7] * y + state[8] * h
         rz = state[9] * x + state[10] * y + state[11] * h
-        wx = state[3] * nx + state[4] * ny + state[5] * nz
-        wy = state[6] * nx + state[7] * ny + state[8] * nz
-        wz = state[9] * nx + state[10] * ny + state[11] * nz
-        face[NORMAL], face[NORMAL + 1], face[NORMAL + 2] = wx, wy, wz
-        face[TURN] = ry * wz - rz * wy
-        face[TURN + 1] = rz * wx - rx * wz
-        face[TURN + 2] = rx * wy - ry * wx
+        tx = state[3] * nx + state[4] * ny + state[5] * nz
+        ty = state[6] * nx + state[7] * ny + state[8] * nz
+        tz = state[9] * nx + state[10] * ny + state[11] * nz
+        face[NORMAL], face[NORMAL + 1], face[NORMAL + 2] = tx, ty, tz
+        face[TURN] = ry * tz - rz * ty
+        face[TURN + 1] = rz * tx - rx * tz
+        face[TURN + 2] = rx * ty - ry * tx
         face[SQUARED], face[LINEAR] = area * squared, area * linear
+        face[CAVITY], face[FOUR_U] = area * cavity * speed * speed, 4.0 * speed
         face[CELL_I], face[CELL_J] = state[0] + rx, state[1] + ry  # the place, until it is spread
         face[PANEL], face[LOAD], face[TOTAL] = panel + k, guesses[panel + k], 0.0
         count += 1
@@ -159,48 +171,16 @@ def find_wet_faces(
 
 
 @kernel
-def spread_faces(
-    faces: Any, first: int, last: int, side: int, radius: float, frame: Any, rate: Any,
-    open_cells: Any, impulse: Any,
-) -> None:  # fmt: skip
-    """Weights, answers, own response and sampled rate of faces first..last.
-
-    S_i: w ~ (1 - r^2 / e^2)^2 on the open cells within e of the load, sum w = 1. A face without such a cell has
-    weights 0: it feels still water and moves none.
-
-    Args:
-        faces: with their places in CELL_I and CELL_J [m], which become cells.
-        side: cells across a bump at most.
-        radius: e [m].
-        frame, rate, open_cells: of the block of cells.
-        impulse: G of a unit on one cell (3, 3) [1/m].
-    """
-    d = frame[2]
-    reach = radius / d
-    wide, per_reach, size = side + 2, 1.0 / (reach * reach), faces.shape[1]
-    nx, ny = rate.shape
-    rows, rates = as_doubles(address_of(faces)), as_doubles(address_of(rate))
-    water = as_doubles(address_of(open_cells))
-    for n in range(first, last):
-        face = place_of(rows, n * size)
-        weights, answers = place_of(face, FACE), place_of(face, FACE + side * side)
-        east, north = (face[CELL_I] - frame[0]) / d, (face[CELL_J] - frame[1]) / d
-        i0 = min(max(math.ceil(east - reach), 1), nx - side - 1)
-        j0 = min(max(math.ceil(north - reach), 1), ny - side - 1)
-        face[CELL_I], face[CELL_J] = i0, j0
-        total = sampled = 0.0
-        for a in range(side):
-            row = 1.0 - (i0 + a - east) ** 2 * per_reach
-            at, k = (i0 + a) * ny + j0, a * side
-            for b in range(side):
-                gap = max(row - (j0 + b - north) ** 2 * per_reach, 0.0)
-                weight = gap * gap * water[at + b]
-                weights[k + b] = weight
-                total += weight
-                sampled += weight * rates[at + b]
-        scale = 1.0 / total if total > 0.0 else 0.0
-        face[RATE] = sampled * scale
-        face[OWN] = _answer(weights, side, scale, impulse, answers, wide)
+def normal_speed(face: Any, state: Any) -> float:
+    """n . (V + omega x r)."""
+    return (
+        face[NORMAL] * state[VELOCITY]
+        + face[NORMAL + 1] * state[VELOCITY + 1]
+        + face[NORMAL + 2] * state[VELOCITY + 2]
+        + face[TURN] * state[OMEGA]
+        + face[TURN + 1] * state[OMEGA + 1]
+        + face[TURN + 2] * state[OMEGA + 2]
+    )
 
 
 @inlined
@@ -236,16 +216,62 @@ def _answer(weights: Any, side: int, scale: float, impulse: Any, answers: Any, w
 
 
 @kernel
-def normal_speed(face: Any, state: Any) -> float:
-    """n . (V + omega x r)."""
-    return (
-        face[NORMAL] * state[VELOCITY]
-        + face[NORMAL + 1] * state[VELOCITY + 1]
-        + face[NORMAL + 2] * state[VELOCITY + 2]
-        + face[TURN] * state[OMEGA]
-        + face[TURN + 1] * state[OMEGA + 1]
-        + face[TURN + 2] * state[OMEGA + 2]
-    )
+def spread_faces(
+    faces: Any, first: int, last: int, side: int, radius: float, states: Any, frame: Any,
+    rate: Any, open_cells: Any, impulse: Any, guesses: Any,
+) -> int:  # fmt: skip
+    """Weights, answers, own response and sampled rate of faces first..last; where they end afterwards.
+
+    Those that recede from the surface at the velocities of `states` are left out, and the others move up.
+
+    S_i: w ~ (1 - r^2 / e^2)^2 on the open cells within e of the load, sum w = 1. A face without such a cell has
+    weights 0: it feels still water and moves none.
+
+    Args:
+        faces: with their places in CELL_I and CELL_J [m], which become cells.
+        side: cells across a bump at most.
+        radius: e [m].
+        states: of the bodies (n, 18).
+        frame, rate, open_cells: of the block of cells.
+        impulse: G of a unit on one cell (3, 3) [1/m].
+        guesses: loads of all faces a step ago; those of faces that are left out become 0.
+    """
+    left = first
+    d = frame[2]
+    reach = radius / d
+    wide, per_reach, size = side + 2, 1.0 / (reach * reach), faces.shape[1]
+    nx, ny = rate.shape
+    rows, rates = as_doubles(address_of(faces)), as_doubles(address_of(rate))
+    water = as_doubles(address_of(open_cells))
+    for n in range(first, last):
+        face = place_of(rows, n * size)
+        weights, answers = place_of(face, FACE), place_of(face, FACE + side * side)
+        east, north = (face[CELL_I] - frame[0]) / d, (face[CELL_J] - frame[1]) / d
+        i0 = min(max(math.ceil(east - reach), 1), nx - side - 1)
+        j0 = min(max(math.ceil(north - reach), 1), ny - side - 1)
+        face[CELL_I], face[CELL_J] = i0, j0
+        total = sampled = 0.0
+        for a in range(side):
+            row = 1.0 - (i0 + a - east) ** 2 * per_reach
+            at, k = (i0 + a) * ny + j0, a * side
+            for b in range(side):
+                gap = max(row - (j0 + b - north) ** 2 * per_reach, 0.0)
+                weight = gap * gap * water[at + b]
+                weights[k + b] = weight
+                total += weight
+                sampled += weight * rates[at + b]
+        scale = 1.0 / total if total > 0.0 else 0.0
+        face[RATE] = sampled * scale
+        if normal_speed(face, states[int(face[BODY])]) - face[NORMAL + 2] * face[RATE] <= 0.0:
+            guesses[int(face[PANEL])] = 0.0
+            continue
+        face[OWN] = _answer(weights, side, scale, impulse, answers, wide)
+        if left < n:
+            row = place_of(rows, left * size)
+            for k in range(size):
+                row[k] = face[k]
+        left += 1
+    return left
 
 
 @kernel
@@ -258,6 +284,8 @@ def solve_faces(
     With all other loads known vn = c - M_ii f, and f = s vn^2 + l vn is a quadratic in vn:
 
         vn = 2 c / (q + sqrt(q^2 + 4 M_ii s c)),   q = 1 + M_ii l
+
+    A law with a cavity is a quadratic too, pi vn^2 + (4 U + M_ii p - pi c) vn = 4 U c with p = pi CAVITY.
 
     Args:
         faces: spread; LOAD, SPEED and RATE are set.
@@ -325,7 +353,13 @@ def _sweep(
         if kick > 0.0:
             c -= _turned(face, turns[int(face[BODY])])
         new = 0.0
-        if c > 0.0:
+        if c > 0.0 and face[CAVITY] > 0.0:
+            p, r = math.pi * face[CAVITY], face[FOUR_U]
+            q = r + own * p - math.pi * c
+            root = math.sqrt(q * q + 4.0 * math.pi * r * c)
+            vn = 2.0 * r * c / (q + root) if q > 0.0 else (root - q) / (2.0 * math.pi)
+            new = p * vn / (r + math.pi * vn)
+        elif c > 0.0:
             s, q = face[SQUARED], 1.0 + own * face[LINEAR]
             vn = 2.0 * c / (q + math.sqrt(q * q + 4.0 * own * s * c))
             new = vn * (s * vn + face[LINEAR])
@@ -347,7 +381,12 @@ def reload_faces(faces: Any, first: int, last: int, states: Any) -> None:
     for n in range(first, last):
         face = faces[n]
         vn = normal_speed(face, states[int(face[BODY])]) - face[NORMAL + 2] * face[RATE]
-        face[LOAD] = vn * (face[SQUARED] * vn + face[LINEAR]) if vn > 0.0 else 0.0
+        if vn <= 0.0:
+            face[LOAD] = 0.0
+        elif face[CAVITY] > 0.0:
+            face[LOAD] = face[CAVITY] * math.pi * vn / (face[FOUR_U] + math.pi * vn)
+        else:
+            face[LOAD] = vn * (face[SQUARED] * vn + face[LINEAR])
 
 
 @kernel

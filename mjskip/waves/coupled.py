@@ -13,7 +13,8 @@ from mjskip._typing import Array
 from mjskip.errors import DivergedError, MjskipWarning
 from mjskip.hydro import _block as hydro
 from mjskip.hydro.columns import LOAD, WRENCH
-from mjskip.hydro.wrench import immersion_address, triangles_of
+from mjskip.hydro.packing import triangles_of
+from mjskip.hydro.wrench import immersion_address
 from mjskip.rigid.state import STATE
 from mjskip.waves import _coupled_kernels as kernels
 from mjskip.waves._coupled_kernels import Coupled
@@ -300,12 +301,19 @@ def _arrays(blocks: Sequence[Array], radius: float, side: int, impulse: Array) -
     """Arrays for bodies; those for cells are still empty."""
     n = len(blocks)
     rest = [block.copy() for block in blocks]
-    law = [hydro.NORMAL_SQUARED, hydro.SPEED_NORMAL, hydro.SPEED_SQUARED, hydro.FRICTION]
+    law = [
+        hydro.NORMAL_SQUARED,
+        hydro.SPEED_NORMAL,
+        hydro.SPEED_SQUARED,
+        hydro.FRICTION,
+        hydro.CAVITY,
+    ]
     for block in rest:
         block[law] = 0.0
         if not (block[hydro.WEIGHT_DENSITY] or block[hydro.SKIN_DENSITY]):
             block[[hydro.N_FACES, hydro.STRIDE]] = 0  # the air needs none
-    triangles = [triangles_of(split_block(block, radius)) for block in blocks]
+    split = [split_block(block, radius) for block in blocks]
+    triangles = [triangles_of(block) for block in split]
     meshes = [_shared_vertices(corners) for corners in triangles]
     vectors = [0.5 * np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]) for t in triangles]
     panels = [
@@ -320,6 +328,8 @@ def _arrays(blocks: Sequence[Array], radius: float, side: int, impulse: Array) -
         own_starts=_starts(blocks),
         rest=np.concatenate(rest),
         rest_starts=_starts(rest),
+        split=np.concatenate(split),
+        split_starts=_starts(split),
         vertices=np.concatenate([vertices for vertices, _ in meshes]),
         vertex_starts=_starts([vertices for vertices, _ in meshes]),
         corners=np.concatenate([corners for _, corners in meshes]),
@@ -334,6 +344,7 @@ def _arrays(blocks: Sequence[Array], radius: float, side: int, impulse: Array) -
         reactions=np.zeros(n),
         clusters=np.full(n, -1, np.int64),
         boxes=np.zeros((n, kernels.BOX), np.int64),
+        fastest=np.zeros(n),
         patches=nothing,
         heads=nothing,
         open_cells=nothing,

@@ -7,8 +7,8 @@ mu dt / 2 and <,> the sum over cells times d^2:
     E[n+1/2] - E[n-1/2] = -dt sum_i f_i vn_i - dt rho mu <z_t, G^-1 z_t>  <= 0
     E = bodies + 1/2 rho g <z[n], z[n+1]> + 1/2 rho <(z[n+1] - z[n]) / dt, G^-1 (z[n+1] - z[n]) / dt>
 
-Faces are loaded while they advance into the water themselves, against the surface there (the gate of the paper,
-by the motion of the centre of mass, has no such balance). G is what a pressure does to the surface,
+Faces are loaded while they advance into the water themselves, against the surface there, without the loads of this
+step and with them (the gate of the paper, by the motion of the centre of mass, has no such balance). G is what a pressure does to the surface,
 z_tt = -G (g z + p / rho):
 
     waves  G = -(c^2 / g) lap, the paper's equation (5), nine-point
@@ -32,7 +32,7 @@ from scipy.special import j0, jv
 from mjskip._typing import Array
 from mjskip.hydro import _block as hydro
 from mjskip.hydro.laws import LAWS, ForceLaw
-from mjskip.hydro.wrench import block_of, triangles_of
+from mjskip.hydro.packing import block_of, triangles_of
 from mjskip.waves import _coupling_kernels as kernels
 
 LOAD_RADIUS = 0.02
@@ -75,10 +75,13 @@ def split_block(block: Array, longest: float) -> Array:
         edges = np.linalg.norm(np.roll(waiting, -1, axis=1) - waiting, axis=2)
         short = edges.max(axis=1) <= longest
         done.append(waiting[short])
-        first, many = edges[~short].argmax(axis=1), np.arange(len(waiting) - short.sum())
-        a, b, c = (waiting[~short][many, (first + k) % 3] for k in range(3))
+        waiting, edges = waiting[~short], edges[~short]
+        first, many = edges.argmax(axis=1), np.arange(len(waiting))
+        a, b, c = (waiting[many, (first + k) % 3] for k in range(3))
         middle = 0.5 * (a + b)
-        waiting = np.concatenate([np.stack([middle, b, c], axis=1), np.stack([a, middle, c], axis=1)])
+        waiting = np.concatenate(
+            [np.stack([middle, b, c], axis=1), np.stack([a, middle, c], axis=1)]
+        )
         if sum(map(len, done)) + len(waiting) > MOST_FACES:
             raise ValueError(
                 f"a body of radius {block[hydro.RADIUS]:.3g} m has more than {MOST_FACES} triangles no longer than "
@@ -191,8 +194,6 @@ class SurfaceCoupling:
 
     Attributes:
         blocks, starts: of the bodies, split, in a row; for the kernels.
-        response: impulse, profile and its entries per metre, for `solve_loads`.
-        work: faces, spots, matrix, speeds and loads, likewise.
     """
 
     def __init__(
@@ -238,7 +239,7 @@ class SurfaceCoupling:
                 f"the bodies have {self._count} triangles no longer than {radius:g} m, {MOST_FACES} at most can be "
                 "solved together: use a larger load_radius"
             )
-        self.response = (
+        self._response = (
             np.zeros((0, 0)) if impulse is None else np.ascontiguousarray(impulse, np.float64),
             np.zeros(0) if profile is None else np.ascontiguousarray(profile, np.float64),
             PROFILE_PER_RADIUS / radius,
@@ -247,7 +248,7 @@ class SurfaceCoupling:
         self._radius, self._tolerance = radius, tolerance
         self._side = math.floor(2.0 * radius / spacing) + 1
         m = self._count
-        self.work = (
+        self._work = (
             np.zeros((m, kernels.FACE)),
             np.zeros((m, kernels.SPOT + self._side**2)),
             np.zeros((m, m)),
@@ -300,13 +301,13 @@ class SurfaceCoupling:
         rate = np.ascontiguousarray(surface.rate, dtype=np.float64)
         land = surface.open_cells
         open_cells = np.ones(level.shape, np.uint8) if land is None else land
-        highest = float(np.abs(level).max(initial=0.0))
-        frame = np.array([surface.x, surface.y, surface.spacing, highest])
-        faces, spots, _, speeds, loads = self.work
+        extremes = [np.abs(field).max(initial=0.0) for field in (level, rate)]
+        frame = np.array([surface.x, surface.y, surface.spacing, *extremes])
+        faces, spots, _, speeds, loads = self._work
         count, sweeps = kernels.solve_loads(
             self.blocks, self.starts, states, means, (frame, level, rate, open_cells), self._radius,
-            self.response, timestep / (2.0 * self._density * (1.0 + 0.5 * self._damping * timestep)),
-            bodies, kick, self._tolerance, (*self.work, np.empty(level.shape)),
+            self._response, timestep / (2.0 * self._density * (1.0 + 0.5 * self._damping * timestep)),
+            bodies, kick, self._tolerance, (*self._work, np.empty(level.shape)),
         )  # fmt: skip
         wrenches, pressure = np.zeros((len(states), 6)), np.zeros(level.shape)
         kernels.add_wrench(faces, count, loads, wrenches)
