@@ -12,7 +12,14 @@ from rich.console import Console
 from rich.table import Table
 
 from mjskip import __version__
-from mjskip.cli.filming import FILMING, check_film, check_stage, film, film_options
+from mjskip.cli.filming import (
+    FILMING,
+    check_film,
+    check_stage,
+    film,
+    film_frames,
+    film_options,
+)
 from mjskip.cli.options import chosen_scene, throw_options
 from mjskip.files import check_target
 from mjskip.throws.recording import Limits
@@ -42,7 +49,6 @@ err = Console(stderr=True, highlight=False)
     show_default=True,
     help="What stones feel: the undisturbed level, or the moving surface (two-way).",
 )
-@click.option("--own-dent", is_flag=True, help="Over waves, stones feel their own dent too.")
 @click.option("--frozen-attitude", is_flag=True, help="No spin, and the stone cannot turn.")
 @film_options
 @click.option("--save", type=click.Path(path_type=Path), metavar="FILE", help="Write NetCDF.")
@@ -55,7 +61,6 @@ def run(
     timestep: float | None,
     duration: float,
     surface: Any,
-    own_dent: bool,
     frozen_attitude: bool,
     save: Path | None,
     as_json: bool,
@@ -63,8 +68,6 @@ def run(
 ) -> None:
     """Throw the stone of SCENE (an MJCF file or a shipped scene) and count its skips."""
     filming = {name: options.pop(name) for name in FILMING}
-    if own_dent and surface != "waves":
-        raise ValueError("--own-dent is about moving water: give --surface waves too")
     check_film(filming)
     if save is not None:
         if save.suffix != ".nc":
@@ -82,7 +85,7 @@ def run(
             limits=limits,
             frozen_attitude=frozen_attitude,
             surface=surface,
-            own_dent=own_dent,
+            record=film_frames(filming),
         )
     chosen = trajectories[scene.body]
     if as_json:

@@ -217,8 +217,7 @@ class Coupling:
             function: its address.
             context: handed to it; must stay alive.
         """
-        self._entry.words[callback.tables.CONTEXT] = context.ctypes.data
-        self._entry.words[callback.tables.INSTEAD] = function
+        self._entry.replace_loads(function, context)
 
     def wrench(self, data: mujoco.MjData, body: int | str) -> Wrench:
         """Wrench of water and air on a wet body, by name or id, in the pose and motion of `data`.

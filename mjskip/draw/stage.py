@@ -14,12 +14,14 @@ from mjskip.draw.canvas import Canvas
 from mjskip.draw.optics import Eye, Lake
 from mjskip.draw.scenery import ellipsoids_of, lake_of
 from mjskip.draw.skin import Grid, Surface, WaterSkin, add_water
+from mjskip.draw.surface import Patch, patch_of
 from mjskip.draw.video import Image
 from mjskip.errors import RenderError, SceneError
 from mjskip.throws.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from mjskip.throws.scene import Scene
+    from mjskip.waves.field import HeightField
 
 Array = npt.NDArray[np.float64]
 Look = Literal["shaded", "plain"]
@@ -128,6 +130,11 @@ class Stage:
             self._skin.draw(canvas.scene, surface, focus=(float(x), float(y)))
             return np.ascontiguousarray(canvas.picture()[::-1])
         return self._shaded(canvas, time, surface, (float(x), float(y)))
+
+    def patch(self, water: HeightField, time: float) -> Patch:
+        """What is drawn of the water at a time [s]: a window about the stone that is looked at."""
+        x, y, _ = pose_at(self._flights[self._focus], time)[0]
+        return patch_of(water, focus=(float(x), float(y)))
 
     def _shaded(
         self, canvas: Canvas, time: float, surface: Surface, focus: tuple[float, float]

@@ -251,7 +251,7 @@ class MujocoEngine:
         """States (n, 18) of the stones as they are."""
         states = np.empty((1, len(self.names), STATE))
         kernels.advance(entry_address(kernels.mujoco_states), self.context, states)
-        return states[0]
+        return np.asarray(states[0])
 
     def advance(self, steps: int) -> Array:
         """Move on over still water by some steps: states (steps, n, 18) after each."""

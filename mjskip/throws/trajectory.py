@@ -235,9 +235,10 @@ class Trajectory:
             time = data["time"]
             if not (len(time) and (np.diff(time) > 0.0).all()):
                 raise ValueError("time does not increase")
+            series: dict[str, Any] = {name: data[name] for name, *_ in _SERIES}
             return cls(
                 time=time,
-                **{name: data[name] for name, *_ in _SERIES},
+                **series,
                 contacts=tuple(_contact(data, k) for k in range(len(data["entry_time"]))),
                 skips=check_count("skips", attrs["skips"], low=0),
                 end=str(attrs["end"]),

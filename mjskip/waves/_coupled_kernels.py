@@ -24,6 +24,7 @@ from mjskip._typing import Array
 from mjskip.hydro import _block as hydro
 from mjskip.hydro.columns import CLEARANCE, WRENCH
 from mjskip.rigid import _rigid_kernels as rigid
+from mjskip.rigid.state import STATE
 from mjskip.waves import _coupling_kernels as coupling
 from mjskip.waves import _face_kernels as faces
 from mjskip.waves._block_kernels import highest_in, press_block, read_moving_block
@@ -216,7 +217,7 @@ def find_clusters(c: Any) -> bool:
         boxes[k, PATCH], boxes[k, CELL] = patch, cell
         patch += hydro.PATCH_POINTS + 2 * size
         cell += size
-    return cell <= c.heads.size
+    return bool(cell <= c.heads.size)
 
 
 @kernel
@@ -547,5 +548,5 @@ def kick_step(context: Any, states_out: Any, _unused: Any) -> None:
             y[b, rigid.P + k] += timestep * (c.wrenches[b, k] + c.wrenches[b, 6 + k])
         coupling.free_flight(rows[b], y[b], 0.5 * timestep, TURN, c.states[b])
         rigid.motion(rows[b], y[b], c.states[b])
-        for k in range(rigid.STATE):
-            states_out[rigid.STATE * b + k] = c.states[b, k]
+        for k in range(STATE):
+            states_out[STATE * b + k] = c.states[b, k]

@@ -173,7 +173,7 @@ def find_wet_faces(
 @kernel
 def normal_speed(face: Any, state: Any) -> float:
     """n . (V + omega x r)."""
-    return (
+    speed: float = (
         face[NORMAL] * state[VELOCITY]
         + face[NORMAL + 1] * state[VELOCITY + 1]
         + face[NORMAL + 2] * state[VELOCITY + 2]
@@ -181,6 +181,7 @@ def normal_speed(face: Any, state: Any) -> float:
         + face[TURN + 1] * state[OMEGA + 1]
         + face[TURN + 2] * state[OMEGA + 2]
     )
+    return speed
 
 
 @inlined

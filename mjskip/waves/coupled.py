@@ -21,6 +21,7 @@ from mjskip.waves._coupled_kernels import Coupled
 from mjskip.waves._face_kernels import FACE, MOBILITY
 from mjskip.waves._memory import free_memory
 from mjskip.waves._stencil import SAFE_FRACTION
+from mjskip.waves._tile_kernels import Integers
 from mjskip.waves.coupling import LOAD_RADIUS, TOLERANCE, split_block, wave_impulse
 from mjskip.waves.field import HeightField
 from mjskip.waves.recording import SurfaceRecorder
@@ -360,11 +361,11 @@ def _arrays(blocks: Sequence[Array], radius: float, side: int, impulse: Array) -
     )
 
 
-def _shared_vertices(triangles: Array) -> tuple[Array, kernels.Integers]:
+def _shared_vertices(triangles: Array) -> tuple[Array, Integers]:
     """Vertices (v, 3) and the corners (f, 3) of triangles (f, 3, 3) among them."""
     vertices, corners = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
     return vertices, corners.reshape(-1, 3).astype(np.int64)
 
 
-def _starts(parts: Sequence[Array]) -> kernels.Integers:
+def _starts(parts: Sequence[Array]) -> Integers:
     return np.cumsum([0, *(len(part) for part in parts)]).astype(np.int64)
