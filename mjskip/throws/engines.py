@@ -18,15 +18,14 @@ from mjskip.coupling.attach import Coupling, attach
 from mjskip.coupling.bodies import find_body
 from mjskip.coupling.wet import THROWN
 from mjskip.errors import DivergedError, SceneError
-from mjskip.hydro.wrench import entry_address, pack, wrench_address
-from mjskip.rigid import _rigid_kernels as rigid
+from mjskip.hydro.wrench import entry_address, wrench_address
 from mjskip.rigid.attitude import matrices
 from mjskip.rigid.state import STATE
 from mjskip.throws import _engine_kernels as kernels
-from mjskip.throws.reference import PURE_INTEGRATORS, Integrator, rigid_body, start_of
+from mjskip.throws.kick import KickedStones
+from mjskip.throws.reference import PURE_INTEGRATORS, Integrator
 from mjskip.throws.scene import Scene
 from mjskip.throws.throw import State
-from mjskip.waves._coupled_kernels import kick_step
 from mjskip.waves.coupled import CoupledWater
 
 INTEGRATORS: dict[str, int] = {
@@ -122,8 +121,14 @@ class ReferenceEngine:
         gravity, starts = scene.model.opt.gravity.copy(), release_states(scene)
         self.names = tuple(starts)
         stones = [scene.stones[name] for name in self.names]
+        self._kicked: KickedStones | None = None
         self._stones: list[Integrator] = []
-        if not over_waves:
+        if over_waves:
+            self._kicked = KickedStones(
+                stones, [starts[name] for name in self.names], timestep=timestep, gravity=gravity,
+                frozen_attitude=frozen_attitude,
+            )  # fmt: skip
+        else:
             self._stones = [
                 Integrator(
                     stone, starts[name], water=scene.water_of(name), integrator=self.integrator,
@@ -131,18 +136,6 @@ class ReferenceEngine:
                 )
                 for name, stone in zip(self.names, stones, strict=True)
             ]  # fmt: skip
-        blocks = [
-            pack(stone, scene.water_of(n)) for n, stone in zip(self.names, stones, strict=True)
-        ]
-        self._y = np.array(
-            [start_of(s, starts[n]) for n, s in zip(self.names, stones, strict=True)]
-        )
-        self._rows = np.array([
-            rigid_body(stone, block, gravity, frozen_attitude=frozen_attitude)
-            for stone, block in zip(stones, blocks, strict=True)
-        ])  # fmt: skip
-        self.context = np.zeros(5)
-        self.context[-1] = timestep
 
     def __enter__(self) -> ReferenceEngine:
         return self
@@ -152,15 +145,21 @@ class ReferenceEngine:
 
     @property
     def step(self) -> int:
-        """Address of `kick_step`."""
-        return entry_address(kick_step)
+        """What steps the stones over waves."""
+        assert self._kicked is not None
+        return self._kicked.step
+
+    @property
+    def context(self) -> Array:
+        """What to hand to it."""
+        assert self._kicked is not None
+        return self._kicked.context
 
     def states(self) -> Array:
         """States (n, 18) of the stones as they are."""
-        states = np.empty((len(self.names), STATE))
-        for row, y, state in zip(self._rows, self._y, states, strict=True):
-            rigid.motion(row, y, state)
-        return states
+        if self._kicked is not None:
+            return self._kicked.states()
+        return np.concatenate([stone.start() for stone in self._stones])
 
     def advance(self, steps: int) -> Array:
         """Move on over still water by some steps: states (steps, n, 18) after each."""
@@ -171,9 +170,8 @@ class ReferenceEngine:
 
     def couple(self, water: CoupledWater) -> None:
         """Have the loads from moving water from now on."""
-        addresses = [water.words.ctypes.data, wrench_address()]
-        addresses += [self._y.ctypes.data, self._rows.ctypes.data]
-        self.context[:4] = np.array(addresses, np.int64).view(np.float64)
+        assert self._kicked is not None
+        self._kicked.couple(water)
 
     def check(self) -> None:
         """What is not finite here shows in the states."""
