@@ -28,7 +28,7 @@ def recorded_rings(
     start = min(float(flight.time[0]) for flight in flights)
     stop = max(float(flight.time[-1]) for flight in flights)
     times: Array = start + timestep * np.arange(round((stop - start) / timestep) + 1.0)
-    parts = [_loads_between(flight, times) for flight in flights]
+    parts = [loads_between(flight, times) for flight in flights]
     forces, centres, areas = (np.stack(part, axis=1) for part in zip(*parts, strict=True))
     field = scene.field()
     field.time = start
@@ -39,7 +39,7 @@ def recorded_rings(
     return recorder.recording
 
 
-def _loads_between(flight: Trajectory, times: Array) -> tuple[Array, Array, Array]:
+def loads_between(flight: Trajectory, times: Array) -> tuple[Array, Array, Array]:
     """Vertical impulse (m,) [N s], its mean place (m, 2) [m] and wetted area (m,) [m^2] between times (m + 1,).
 
     Differences of running integrals: over any interval the impulse is what the stone took.

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 import tempfile
 import threading
+import weakref
 from dataclasses import dataclass
 from typing import Any
 
@@ -63,6 +64,7 @@ class SurfaceRecording:
         self._places: list[int] = []
         self._size = 0
         self._file = tempfile.SpooledTemporaryFile(max_size=IN_MEMORY)  # noqa: SIM115
+        weakref.finalize(self, self._file.close)
         self._lock = threading.Lock()
 
     @property
