@@ -18,14 +18,14 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from mjskip.waves.lake import Lake
+from mjskip.waves.twoway import MovingSurface
 
 from mjskip import HeightField, Limits, Throw, Water, load_scene, simulate
 from mjskip.hydro.stone import Stone
 from mjskip.throws.engines import MujocoEngine
 from mjskip.throws.reference import Integrator
 from mjskip.throws.scene import Scene
-from mjskip.waves.lake import Lake
-from mjskip.waves.twoway import MovingSurface
 
 
 def budget(scene: Scene) -> dict[str, float]:

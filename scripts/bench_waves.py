@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from mjskip.waves.lake import Lake
 
 from mjskip.waves import HeightField
-from mjskip.waves.lake import Lake
 
 
 def median_seconds(call: Callable[[], object], *, repeats: int) -> float:

@@ -6,13 +6,13 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from mjskip.waves.lake import Lake
+from mjskip.waves.twoway import MovingSurface
 
 from mjskip import HeightField, Limits, load_scene, simulate
 from mjskip.coupling.terrain import Land, land_of
 from mjskip.errors import MjskipWarning, SceneError
 from mjskip.throws.engines import ReferenceEngine
-from mjskip.waves.lake import Lake
-from mjskip.waves.twoway import MovingSurface
 
 WORLD = """<mujoco>
   <custom><numeric name="mjskip.obstacles" data="{on}"/>

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mjskip.waves.lake import Lake
 from scipy.spatial.transform import Rotation
 
 from mjskip import Stone, Throw
@@ -27,7 +28,6 @@ from mjskip.play.surface import EVEN, HORIZON, SHAPE, DrawnWater, axis
 from mjskip.play.thrown import Thrower, table, turned
 from mjskip.throws.scene import load_scene
 from mjskip.throws.trajectory import pose_at
-from mjskip.waves.lake import Lake
 
 PATIENCE = 120.0  # [s]: only a hang takes longer, even where other work fills the machine
 

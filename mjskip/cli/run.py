@@ -11,7 +11,14 @@ from rich.table import Table
 
 from mjskip import __version__
 from mjskip.cli.console import err, out, plain_table, preparing
-from mjskip.cli.filming import FILMING, check_film, check_stage, film, film_options
+from mjskip.cli.filming import (
+    FILMING,
+    check_film,
+    check_stage,
+    film,
+    film_frames,
+    film_options,
+)
 from mjskip.cli.options import (
     chosen_limits,
     chosen_scene,
@@ -19,7 +26,7 @@ from mjskip.cli.options import (
     surface_option,
     throw_options,
     timestep_option,
-)  # fmt: skip
+)
 from mjskip.files import check_target
 from mjskip.throws.report import COLUMNS, skip_rows
 from mjskip.throws.scene import Scene
@@ -39,7 +46,6 @@ from mjskip.throws.trajectory import ENDS, Trajectory
 @timestep_option
 @limit_options
 @surface_option
-@click.option("--own-dent", is_flag=True, help="Over waves, stones feel their own dent too.")
 @click.option("--frozen-attitude", is_flag=True, help="No spin, and the stone cannot turn.")
 @film_options
 @click.option("--save", type=click.Path(path_type=Path), metavar="FILE", help="Write NetCDF.")
@@ -53,7 +59,6 @@ def run(
     duration: float,
     max_contact: float,
     surface: Any,
-    own_dent: bool,
     frozen_attitude: bool,
     save: Path | None,
     as_json: bool,
@@ -61,8 +66,6 @@ def run(
 ) -> None:
     """Throw the stone of SCENE (an MJCF file or a shipped scene) and count its skips."""
     filming = {name: options.pop(name) for name in FILMING}
-    if own_dent and surface != "waves":
-        raise ValueError("--own-dent is about moving water: give --surface waves too")
     check_film(filming)
     if save is not None:
         if save.suffix != ".nc":
@@ -80,7 +83,7 @@ def run(
             limits=limits,
             frozen_attitude=frozen_attitude,
             surface=surface,
-            own_dent=own_dent,
+            record=film_frames(filming),
         )
     chosen = trajectories[scene.body]
     if as_json:

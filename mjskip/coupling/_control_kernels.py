@@ -10,6 +10,7 @@ be kept on disk:
     entry     bodies of the model, attached bodies; address of the model's downward gravity, time step and
               inverse weights; its signature; what happened: calls for models of the same signature that are
               not attached since the last one for this model, failed body (-1: none) and time, body whose step was too large (-1: none), time and the step that it needs (doubles' bits);
+              a function void(context, model, data) that sets the wrenches instead (0: none), its context;
               then for every attached body: id, address of its record (`_record_kernels`), of its offset
     offset    doubles: from MuJoCo's centre of mass of the body to the record's (3), body axes
 
@@ -33,7 +34,8 @@ WRENCH, PREVIOUS, MAP, SIGNATURE_AT, IDENTITY = 0, 1, 2, 3, 4
 SLOTS, PAIRS = 0, 1
 NBODY, ATTACHED, GRAVITY, TIMESTEP, INVERSE_WEIGHTS, SIGNATURE = 0, 1, 2, 3, 4, 5
 COPY_CALLS, FAILED, FAILURE_TIME, LIMITED, LIMIT_TIME, NEEDED_STEP = 6, 7, 8, 9, 10, 11
-RECORDS = 12
+INSTEAD, CONTEXT = 12, 13
+RECORDS = 14
 ROW = 3
 
 empty_map = np.array([1, 0, 0], dtype=np.int64)
@@ -108,6 +110,9 @@ def control(model: int, data: int) -> None:
     place = models[PAIRS + 2 * k + 1]
     entry, needed_step = as_words(place), as_doubles(place + 8 * NEEDED_STEP)
     entry[COPY_CALLS] = 0
+    if entry[INSTEAD] != 0:
+        call_address(entry[INSTEAD], entry[CONTEXT], model, data)
+        return
     size = 6 * entry[NBODY]
     xfrc = stack_doubles(size + 6 + 18 + 12 + 4 + SCRATCH)
     velocity = xfrc + 8 * size

@@ -210,6 +210,15 @@ class Coupling:
             self._told.add(key)
             warnings.warn(text, MjskipWarning, stacklevel=4)
 
+    def replace_loads(self, function: int, context: Array) -> None:
+        """Let a C function void(context, model, data) set the wrenches of all bodies in `xfrc_applied` instead.
+
+        Args:
+            function: its address.
+            context: handed to it; must stay alive.
+        """
+        self._entry.replace_loads(function, context)
+
     def wrench(self, data: mujoco.MjData, body: int | str) -> Wrench:
         """Wrench of water and air on a wet body, by name or id, in the pose and motion of `data`.
 

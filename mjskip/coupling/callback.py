@@ -68,6 +68,12 @@ class Entry:
         self._gravity = (ctypes.c_double).from_address(gravity)
         self.forget()
 
+    def replace_loads(self, function: int, context: Array) -> None:
+        """Let a C function void(context, model, data) set the wrenches instead; 0 ends that."""
+        self._context = context  # kept alive
+        self.words[tables.CONTEXT] = context.ctypes.data
+        self.words[tables.INSTEAD] = function
+
     def forget(self) -> None:
         """Begin anew: nothing has happened."""
         self.replaced = False

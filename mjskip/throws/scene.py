@@ -22,7 +22,7 @@ from mjskip.checks import check_path, check_type
 from mjskip.coupling.bodies import body_name, find_body, free_bodies
 from mjskip.coupling.loading import load_model
 from mjskip.coupling.plugin import NAME, plugin_options, plugin_water
-from mjskip.coupling.terrain import Land, land_of
+from mjskip.coupling.terrain import Land
 from mjskip.coupling.wet import THROWN, body_stone
 from mjskip.errors import SceneError
 from mjskip.hydro.stone import Stone
@@ -31,7 +31,6 @@ from mjskip.hydro.water import Water
 from mjskip.throws.arm import Arm
 from mjskip.throws.throw import PARAMETERS, Throw
 from mjskip.waves import HeightField
-from mjskip.waves.lake import Lake
 
 PREFIX = "mjskip."
 WATER = {field.name for field in fields(Water)}
@@ -39,8 +38,8 @@ FIELD = {"shape", "spacing", "wave_speed", "damping", "stencil", "boundary", "ce
 THROW = set(PARAMETERS)
 TEXTS = {"gate", "law", "stencil", "boundary"}
 SWITCHES = {*WATER_SWITCHES, "obstacles"}
-DEFAULT_SHAPE = (512, 512)
-"""Cells of a lake with walls whose scene does not say: `HeightField`'s, rounded up to whole tiles."""
+SLEEP_AMPLITUDE = 1e-5
+"""Waves that are lower are let go [m]."""
 PAIRS = {"shape", "centre"}
 OBSTACLES = "obstacles"
 """Switch: fixed geoms that pierce the surface are land in the scene's `HeightField`."""
@@ -105,29 +104,19 @@ class Scene:
         return self.plugged.get(body, self.water)
 
     def field(self) -> HeightField:
-        """A fresh water surface with this scene's settings."""
-        field = HeightField(**self.grid)
-        if not self.obstacles:
-            return field
-        return HeightField(**self.grid, terrain_mask=land_of(self.model, field.x, field.y))
+        """Fresh water of this scene: endless if its boundary absorbs, else between its walls or periodic.
 
-    def lake(self) -> Lake:
-        """Fresh two-way water: endless if the scene's boundary absorbs, else inside its walls or periodic.
-
-        Raises:
-            ValueError: the walls are not on tiles, or the scene asks for what lakes of tiles lack.
+        Only what moves is stored. An absorbing field needs no shape: it is endless.
         """
         grid = dict(self.grid)
-        stencil = grid.pop("stencil", "nine_point")
-        boundary = grid.pop("boundary", "reflect")
-        if stencil != "nine_point":
-            raise ValueError(
-                f"{self.path}: two-way waves need the nine_point stencil, not {stencil}"
-            )
-        shape = grid.pop("shape", DEFAULT_SHAPE)
-        land = Land(self.model) if self.obstacles else None
-        shape = None if boundary == "absorb" else shape
-        return Lake(shape, **grid, periodic=boundary == "periodic", land=land)
+        mask = Land(self.model) if self.obstacles else None
+        absorbs = grid.get("boundary") == "absorb"
+        if absorbs and grid.get("stencil", "nine_point") == "nine_point":
+            kept = ("spacing", "wave_speed", "damping", "centre")
+            settings = {name: grid[name] for name in kept if name in grid}
+            return HeightField.endless(**settings, terrain_mask=mask)
+        asleep = 0.0 if absorbs else SLEEP_AMPLITUDE
+        return HeightField(**grid, terrain_mask=mask, sleep_amplitude=asleep)
 
     def rethrow(self, **changes: float) -> Scene:
         """This scene with other throw settings, SI and radians.
