@@ -144,7 +144,10 @@ BAD = {
         "has 100000000 throws",
     ),
     "picture": (("run", "--picture", "p.png"), "give --strip"),
-    "dent": (("run", "--own-dent"), "--surface waves"),
+    "waves of a law along the face": (
+        ("run", "--surface", "waves", "--law", "bocquet2003"),
+        "use one of lee2010",
+    ),
     "command": (("throw",), "No such command"),
     "ladder": (("compare", "--timestep", "3e-4", "--timestep", "2e-4"), "no multiple"),
     "never touches": (("compare", "--height", "900"), "does not touch the water"),

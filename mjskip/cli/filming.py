@@ -120,7 +120,7 @@ def check_stage(scene: Scene, options: Mapping[str, Any]) -> None:
 
 def film_frames(options: Mapping[str, Any]) -> SurfaceFrames | None:
     """The moments of the water that are drawn; None if nothing is."""
-    return surface_frames(Shot(**_shot(options))) if _draws(options) else None
+    return surface_frames(_shot(options)) if _draws(options) else None
 
 
 def film(scene: Scene, trajectories: Mapping[str, Trajectory], options: Mapping[str, Any]) -> None:

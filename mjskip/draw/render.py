@@ -219,7 +219,7 @@ def _play(
     centres = followed(flights[body], times)
     with contextlib.closing(stage):
         for time, centre in zip(times.tolist(), centres, strict=True):
-            image = stage.draw(time, stage.patch(water.at(time), time), centre=centre)
+            image = stage.draw(time, water.at(time), centre=centre)
             for overlay in overlays:
                 overlay.draw(image, time, stage.eye)
             if plan.caption:
