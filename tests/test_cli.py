@@ -133,7 +133,10 @@ BAD = {
     "camera": (("run", "--camera", "moon", "--video", "a.mp4"), "side"),
     "camera unseen": (("run", "--camera", "moon"), "side"),
     "picture": (("run", "--picture", "p.png"), "give --strip"),
-    "dent": (("run", "--own-dent"), "--surface waves"),
+    "waves of a law along the face": (
+        ("run", "--surface", "waves", "--law", "bocquet2003"),
+        "use one of lee2010",
+    ),
     "command": (("throw",), "No such command"),
     "ladder": (("compare", "--timestep", "3e-4", "--timestep", "2e-4"), "no multiple"),
     "never touches": (("compare", "--height", "900"), "does not touch the water"),

@@ -52,7 +52,9 @@ def test_between_two_moments_the_surface_is_interpolated_and_beyond_them_it_is_t
     made, shape = recorder.recording, (150, 150)
     first, second, last = (made.at(t).window(0, 0, shape)[0] for t in (0.0, 0.1, 0.2))
     between = made.at(0.125)
-    np.testing.assert_allclose(between.window(0, 0, shape)[0], 0.75 * second + 0.25 * last, atol=1e-8)
+    np.testing.assert_allclose(
+        between.window(0, 0, shape)[0], 0.75 * second + 0.25 * last, atol=1e-8
+    )
     assert between.time == 0.125
     np.testing.assert_array_equal(made.at(9.0).elevation, made.at(0.2).elevation)
     np.testing.assert_array_equal(made.at(-1.0).elevation, made.at(0.0).elevation)
