@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from mjskip.waves.lake import Lake
 
 from mjskip.waves import HeightField
 

@@ -7,6 +7,7 @@ from flights import SMALL, flight, small
 from mjskip import HeightField, Limits
 from mjskip.draw.render import Shot, frames, surface_frames
 from mjskip.draw.stage import Stage
+from mjskip.draw.surface import patch_of
 from mjskip.throws.engines import MujocoEngine
 from mjskip.throws.rings import loads_between, recorded_rings
 from mjskip.throws.run import Run
@@ -89,7 +90,7 @@ def test_a_film_shows_the_water_that_was_felt_to_the_last_bit(name, monkeypatch)
         record(self, field)
 
     def drawn(self, time, surface, **options):
-        shown[round(60 * time)] = surface
+        shown[round(60 * time)] = patch_of(surface)
         return draw(self, time, surface, **options)
 
     monkeypatch.setattr(SurfaceRecorder, "record", recorded)
@@ -98,7 +99,7 @@ def test_a_film_shows_the_water_that_was_felt_to_the_last_bit(name, monkeypatch)
         scene, surface="waves", limits=Limits(duration=0.45), record=surface_frames(shot)
     )
     assert len({id(one.surface) for one in flights.values()}) == 1
-    list(frames(scene, flights, fps=30.0, slow=2.0, size=SMALL, linger=0.2))
+    list(frames(scene, flights, shot))
     assert len(shown) > 30
     assert felt.keys() >= shown.keys()
     highest = 0.0
