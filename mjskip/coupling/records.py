@@ -29,18 +29,21 @@ def make_record(hull: Hull, water: Water, inertia: Inertia, block: Array) -> Arr
     record = np.zeros(kernels.RECORD)
     record[kernels.BLOCK] = np.array([block.ctypes.data], np.int64).view(np.float64)[0]
     record[kernels.CENTRE : kernels.CENTRE + 3] = inertia.centre
-    values = np.linalg.eigvalsh(inertia.tensor)
-    if inertia.mass > 0.0 and values[0] > 0.0:
-        inverse = np.linalg.inv(inertia.tensor)
+    normals = hull.area_vectors / np.linalg.norm(hull.area_vectors, axis=1)[:, None]
+    arms = np.cross(hull.triangles, normals[:, None, :])
+    inverse: Array = np.eye(3)
+    if inertia.mass > 0.0 and np.linalg.eigvalsh(inertia.tensor)[0] > 0.0:
+        inverse = np.asarray(np.linalg.inv(inertia.tensor))
         record[kernels.INVERSE_MASS] = 1.0 / inertia.mass
         record[kernels.MEAN_INVERSE_INERTIA] = np.trace(inverse) / 3.0
-        record[kernels.MAX_INVERSE_INERTIA] = 1.0 / values[0]
         record[kernels.INVERSE_INERTIA : kernels.INVERSE_INERTIA + 9] = inverse.ravel()
+    record[kernels.ARM_MOBILITY] = np.einsum("nki,ij,nkj->nk", arms, inverse, arms).max()
     law = LAWS[water.law]
     coefficient = law.normal_squared + law.speed_normal + law.speed_squared + law.friction
-    record[kernels.DRAG_BOUND] = (
-        water.density * coefficient * hull.area + water.air_density * hull.disc_area
-    )
+    turning = np.linalg.norm(hull.area_vectors, axis=1) @ np.linalg.norm(arms, axis=2).max(axis=1)
+    record[kernels.MOVING_DRAG] = 0.5 * water.density * coefficient * hull.area
+    record[kernels.TURNING_DRAG] = water.density * coefficient * turning
+    record[kernels.AIR_DRAG] = water.air_density * hull.disc_area
     record[kernels.REACH] = hull.radius
     record[kernels.BEARING] = water.density if water.buoyancy else 0.0
     lifts = law.speed_squared != 0.0 or law.friction != 0.0
