@@ -58,6 +58,40 @@ SCRATCH = STATE + WRENCH
 
 
 @kernel
+def body_state(
+    places: int, axes: int, motions: int, origin: int, body: int, record: int, state: int
+) -> None:
+    """State (18) of a wet body for the force kernel, from MuJoCo's arrays.
+
+    Args:
+        places: address of xpos.
+        axes: address of xmat.
+        motions: address of cvel, which is about `origin`.
+        origin: address of the centre of mass of the body's tree (3).
+        body: its id.
+        record: address of its record.
+        state: address of what is written.
+    """
+    known, pose = as_doubles(record), as_doubles(state)
+    place, rotation = as_doubles(places + 24 * body), as_doubles(axes + 72 * body)
+    moving, middle = as_doubles(motions + 48 * body), as_doubles(origin)
+    for i in range(9):
+        pose[3 + i] = rotation[i]
+    for i in range(3):
+        pose[i] = place[i] + (
+            rotation[3 * i] * known[CENTRE]
+            + rotation[3 * i + 1] * known[CENTRE + 1]
+            + rotation[3 * i + 2] * known[CENTRE + 2]
+        )
+    wx, wy, wz = moving[0], moving[1], moving[2]
+    rx, ry, rz = pose[0] - middle[0], pose[1] - middle[1], pose[2] - middle[2]
+    pose[12] = moving[3] + (wy * rz - wz * ry)
+    pose[13] = moving[4] + (wz * rx - wx * rz)
+    pose[14] = moving[5] + (wx * ry - wy * rx)
+    pose[15], pose[16], pose[17] = wx, wy, wz
+
+
+@kernel
 def wet_load(
     wrench: int, record: int, state: int, out: int, scratch: int,
     timestep: float, gravity: float, mobility: float, turning: float,
