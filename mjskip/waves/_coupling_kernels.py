@@ -12,7 +12,10 @@ sum to 1, and the same weights sample the surface and spread the load. What z[n+
 makes vn = free - M f with a symmetric M >= 0, and f is monotone in vn: there is one solution. Gauss-Seidel finds
 it, each face in closed form.
 
-A *surface* is a local block of cells: frame (x and y of its first cell, spacing, greatest |level|), level z[n],
+Faces that would recede from the surface if none were loaded stay unloaded: with f_i = 0 the balance of energy holds
+as well, and they need no row of M.
+
+A *surface* is a local block of cells: frame (x and y of its first cell, spacing, greatest |level| and |rate|), level z[n],
 rate (z_free[n+1] - z[n-1]) / (2 dt) and open cells (0 on land, else 1), arrays (nx, ny), x first. Outside of it
 the water is still.
 
@@ -42,8 +45,8 @@ INVERSE_MASS = 0  # of a body, for `add_mobility`
 INVERSE_INERTIA = 1  # world axes (9)
 MOBILITY = 10
 
-SPACING, HIGHEST = 2, 3  # of a frame
-FRAME = 4
+SPACING, HIGHEST, FASTEST = 2, 3, 4  # of a frame
+FRAME = 5
 
 SPOT = 2  # doubles of a spot before its weights
 
@@ -73,6 +76,8 @@ def find_faces(
 ) -> int:
     """Wet parts of a body's triangles, appended to faces from row `count` on; the number of faces then.
 
+    Left out is what recedes faster than the surface moves anywhere.
+
     Args:
         block: of a body whose triangles are no longer than the radius of the bumps.
         state: of the body (18,).
@@ -92,6 +97,9 @@ def find_faces(
     bx = state[3] * vx + state[6] * vy + state[9] * vz
     by = state[4] * vx + state[7] * vy + state[10] * vz
     bz = state[5] * vx + state[8] * vy + state[11] * vz
+    wx = state[3] * state[15] + state[6] * state[16] + state[9] * state[17]
+    wy = state[4] * state[15] + state[7] * state[16] + state[10] * state[17]
+    wz = state[5] * state[15] + state[8] * state[16] + state[11] * state[17]
     n = int(block[hydro.STRIDE])
     for k in range(int(block[hydro.N_FACES])):
         a = hydro.HEADER + k
@@ -120,6 +128,11 @@ def find_faces(
             x, y, h = pressure_centre(
                 x, y, h, nx, ny, nz, bx, by, bz, ux, uy, uz, depth, block[hydro.RADIUS]
             )
+        advance = (
+            nx * (bx + wy * h - wz * y) + ny * (by + wz * x - wx * h) + nz * (bz + wx * y - wy * x)
+        )
+        if advance + frame[FASTEST] * abs(ux * nx + uy * ny + uz * nz) <= 0.0:
+            continue
         face = faces[count]
         for axis in range(3):
             face[ARM + axis] = (
@@ -217,8 +230,10 @@ def add_spot(spot: Any, side: int, amount: float, field: Any) -> None:
 @kernel
 def free_speeds(
     faces: Any, count: int, states: Any, spots: Any, side: int, rate: Any, speeds: Any
-) -> None:
+) -> int:
     """n_i . (V + omega x r_i) - n_iz S_i rate: normal speeds if no face were loaded.
+
+    Faces that recede then are removed; the number of those that are left.
 
     Args:
         faces, count: the faces.
@@ -227,6 +242,7 @@ def free_speeds(
         rate: of the surface without loads (nx, ny).
         speeds: out (n,).
     """
+    left = 0
     for n in range(count):
         face, state = faces[n], states[int(faces[n, BODY])]
         rx, ry, rz = face[ARM], face[ARM + 1], face[ARM + 2]
@@ -234,7 +250,17 @@ def free_speeds(
         vx = state[12] + state[16] * rz - state[17] * ry
         vy = state[13] + state[17] * rx - state[15] * rz
         vz = state[14] + state[15] * ry - state[16] * rx
-        speeds[n] = nx * vx + ny * vy + nz * (vz - sample(spots[n], side, rate))
+        speed = nx * vx + ny * vy + nz * (vz - sample(spots[n], side, rate))
+        if speed <= 0.0:
+            continue
+        speeds[left] = speed
+        if left < n:
+            for k in range(FACE):
+                faces[left, k] = face[k]
+            for k in range(SPOT + side * side):
+                spots[left, k] = spots[n, k]
+        left += 1
+    return left
 
 
 @kernel
@@ -472,7 +498,7 @@ def solve_loads(
     if count == 0:
         return 0, 0
     spread_bumps(faces, count, frame, radius, open_cells, side, spots)
-    free_speeds(faces, count, mean_states, spots, side, rate, speeds)
+    count = free_speeds(faces, count, mean_states, spots, side, rate, speeds)
     if impulse.size > 0:
         area = frame[SPACING] * frame[SPACING]
         surface_response(faces, count, spots, side, impulse, factor / area, field, matrix)

@@ -7,8 +7,8 @@ mu dt / 2 and <,> the sum over cells times d^2:
     E[n+1/2] - E[n-1/2] = -dt sum_i f_i vn_i - dt rho mu <z_t, G^-1 z_t>  <= 0
     E = bodies + 1/2 rho g <z[n], z[n+1]> + 1/2 rho <(z[n+1] - z[n]) / dt, G^-1 (z[n+1] - z[n]) / dt>
 
-Faces are loaded while they advance into the water themselves, against the surface there (the gate of the paper,
-by the motion of the centre of mass, has no such balance). G is what a pressure does to the surface,
+Faces are loaded while they advance into the water themselves, against the surface there, without the loads of this
+step and with them (the gate of the paper, by the motion of the centre of mass, has no such balance). G is what a pressure does to the surface,
 z_tt = -G (g z + p / rho):
 
     waves  G = -(c^2 / g) lap, the paper's equation (5), nine-point
@@ -301,8 +301,8 @@ class SurfaceCoupling:
         rate = np.ascontiguousarray(surface.rate, dtype=np.float64)
         land = surface.open_cells
         open_cells = np.ones(level.shape, np.uint8) if land is None else land
-        highest = float(np.abs(level).max(initial=0.0))
-        frame = np.array([surface.x, surface.y, surface.spacing, highest])
+        extremes = [np.abs(field).max(initial=0.0) for field in (level, rate)]
+        frame = np.array([surface.x, surface.y, surface.spacing, *extremes])
         faces, spots, _, speeds, loads = self._work
         count, sweeps = kernels.solve_loads(
             self.blocks, self.starts, states, means, (frame, level, rate, open_cells), self._radius,
