@@ -19,7 +19,7 @@ import numpy.typing as npt
 from mjskip._typing import Array
 from mjskip.checks import check_choice, check_count, check_switch, fault
 from mjskip.coupling.bodies import body_name, geom_solid, kind_name, label, mesh_of, pose_in
-from mjskip.coupling.selection import WetBody, wet_body
+from mjskip.coupling.selection import GeomRule, WetBody, geom_rule, members_of, wet_body
 from mjskip.errors import MeshError, MjskipWarning, SceneError
 from mjskip.hydro import primitives
 from mjskip.hydro.hull import Hull
@@ -159,6 +159,11 @@ def inertia_of(model: Any, head: int, members: tuple[int, ...]) -> Inertia:
     return Inertia(mass=mass, centre=centre, tensor=tensor)
 
 
+def centre_of_mass(model: Any, body: int) -> Array:
+    """Centre of mass (3,) of a body and those welded to it, in its frame [m]."""
+    return inertia_of(model, body, members_of(model, body)).centre
+
+
 def hull_of(model: Any, wet: WetBody, options: HullOptions, inertia: Inertia) -> BuiltHull:
     """The hull of a wet body, from the registry or built; what it has to say is said as warnings.
 
@@ -275,14 +280,16 @@ THROWN = HullOptions(max_faces=0)
 """What is thrown keeps every face."""
 
 
-def body_stone(model: Any, body: int, options: HullOptions = THROWN) -> Stone:
-    """The stone that a body is: MuJoCo's mass and inertia, and its hull.
+def body_stone(
+    model: Any, body: int, *, options: HullOptions = THROWN, geoms: GeomRule = None
+) -> Stone:
+    """The stone that a body is: MuJoCo's mass and inertia, and its hull; see `attach` for geoms.
 
     Raises:
         SceneError: the body has no geom for water to act on, or no mass.
         MeshError: a mesh has no volume.
     """
-    wet = wet_body(model, body, None)
+    wet = wet_body(model, body, geom_rule(model, geoms, members_of(model, body)))
     name = body_name(model, body)
     inertia = inertia_of(model, body, wet.members)
     if not inertia.mass > 0.0:

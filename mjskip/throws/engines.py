@@ -16,8 +16,8 @@ import numpy.typing as npt
 from mjskip.coupling._free_joint_kernels import free_motion, hop
 from mjskip.coupling._struct_layout import library
 from mjskip.coupling.attach import Coupling, attach
-from mjskip.coupling.bodies import find_body
-from mjskip.coupling.wet import THROWN
+from mjskip.coupling.bodies import body_name, find_body
+from mjskip.coupling.wet import THROWN, centre_of_mass
 from mjskip.errors import DivergedError, SceneError
 from mjskip.hydro.wrench import entry_address
 from mjskip.rigid.attitude import matrices
@@ -70,7 +70,7 @@ def releases(scene: Scene) -> dict[str, State]:
     """How every stone leaves the hand, above the place where the scene has it; not those an arm holds."""
     found = {}
     for name, stone in scene.stones.items():
-        if name in scene.held:
+        if scene.afloat or name in scene.held:
             continue
         body = scene.model.body(find_body(scene.model, name))
         found[name] = scene.throws[name].state(stone, x=float(body.pos[0]), y=float(body.pos[1]))
@@ -165,6 +165,7 @@ class MujocoEngine:
         )  # views: every look-up makes them anew
         self._sound = 0.0  # when it was last checked: MuJoCo's own clock begins anew if it diverges
         self._arm = scene.arm
+        self._afloat = scene.afloat
         self._acts = bool(scene.arm.controls or scene.arm.releases)
         self._water = None if scene.plugged else scene.water
         self._open = ExitStack()
@@ -174,12 +175,13 @@ class MujocoEngine:
     def __enter__(self) -> MujocoEngine:
         self._open.enter_context(_unlogged())
         if self._water is not None:
-            names = list(self._free)
-            water = attach(
+            names = None if self._afloat else list(self._free)
+            coupling = attach(
                 self.model, self.data, water=self._water, bodies=names, max_faces=THROWN.max_faces
             )
-            self._coupling = self._open.enter_context(water)
-            self.blocks = dict(zip(names, self._coupling.blocks, strict=True))
+            self._coupling = self._open.enter_context(coupling)
+            wet = zip(coupling.bodies, coupling.blocks, strict=True)
+            self.blocks = {body_name(self.model, body): block for body, block in wet}
         return self
 
     @property
@@ -245,7 +247,7 @@ class _FreeBody:
             raise SceneError(f"body {name!r} is not a child of the world: a stone must be")
         self._q = slice(model.jnt_qposadr[joint], model.jnt_qposadr[joint] + 7)
         self._v = slice(model.jnt_dofadr[joint], model.jnt_dofadr[joint] + 6)
-        self.centre = np.array(model.body_ipos[body])
+        self.centre = centre_of_mass(model, body)
 
     def place(self, data: mujoco.MjData, start: State) -> None:
         rotation = matrices(start.q)

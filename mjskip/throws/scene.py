@@ -20,7 +20,7 @@ import numpy as np
 
 from mjskip.coupling.bodies import body_name, find_body, free_bodies
 from mjskip.coupling.loading import load_model
-from mjskip.coupling.plugin import NAME, plugin_options, plugin_water
+from mjskip.coupling.plugin import NAME, plugin_settings, plugin_water
 from mjskip.coupling.terrain import Land, land_of
 from mjskip.coupling.wet import THROWN, body_stone
 from mjskip.errors import SceneError
@@ -36,12 +36,17 @@ WATER = {field.name for field in fields(Water)}
 FIELD = {"shape", "spacing", "wave_speed", "damping", "stencil", "boundary", "centre"}
 THROW = set(PARAMETERS)
 TEXTS = {"gate", "law", "stencil", "boundary"}
-SWITCHES = {field.name for field in fields(Water) if field.type in (bool, "bool")} | {"obstacles"}
+SWITCHES = {field.name for field in fields(Water) if field.type in (bool, "bool")} | {
+    "obstacles",
+    "afloat",
+}
 DEFAULT_SHAPE = (512, 512)
 """Cells of a lake with walls whose scene does not say: `HeightField`'s, rounded up to whole tiles."""
 PAIRS = {"shape", "centre"}
 OBSTACLES = "obstacles"
 """Switch: fixed geoms that pierce the surface are land in the scene's `HeightField`."""
+AFLOAT = "afloat"
+"""Switch: nothing is thrown; bodies begin where the scene has them, and may stay in the water."""
 CONTROL, RELEASE = "control.", "release."
 
 
@@ -61,6 +66,7 @@ class Scene:
         plugged: the water of every body that has it from the engine plugin, by name; of all or none.
         arm: what the scene's robot does.
         held: bodies that the robot throws, so that their `throws` mean nothing.
+        afloat: whether nothing is thrown: bodies begin where the scene has them, and all that moves is wet.
     """
 
     path: Path
@@ -74,6 +80,7 @@ class Scene:
     plugged: Mapping[str, Water]
     arm: Arm
     held: frozenset[str]
+    afloat: bool = False
 
     @property
     def throw(self) -> Throw:
@@ -86,8 +93,9 @@ class Scene:
         found = {}
         for name in self.throws:
             body = find_body(self.model, name)
-            options = plugin_options(self.model, body) if name in self.plugged else THROWN
-            found[name] = body_stone(self.model, body, options)
+            told = plugin_settings(self.model, body)
+            options, geoms = (told.options, told.geoms) if told else (THROWN, None)
+            found[name] = body_stone(self.model, body, options=options, geoms=geoms)
         return found
 
     @property
@@ -132,6 +140,11 @@ class Scene:
         Raises:
             ValueError: a value is out of range, or the body is thrown by a robot.
         """
+        if changes and self.afloat:
+            raise ValueError(
+                f"{self.body!r} in {self.path} is afloat and not thrown: leave out {', '.join(changes)}, or take "
+                f"{PREFIX}{AFLOAT} out of the scene"
+            )
         if changes and self.body in self.held:
             raise ValueError(
                 f"{self.body!r} is thrown by the arm in {self.path}: change its control signals there, not "
@@ -206,6 +219,7 @@ def load_scene(path: str | os.PathLike[str] = "lake", *, body: str | None = None
             plugged=plugged,
             arm=arm,
             held=arm.held(model) & set(names),
+            afloat=settings.get(AFLOAT, False),
         )
         scene.field()  # refuse bad settings of the water surface here, in a few milliseconds
     except ValueError as error:
@@ -250,7 +264,7 @@ def _settings(model: mujoco.MjModel, file: Path, bodies: list[str]) -> dict[str,
     single = {f"{key}.{name}" for key in THROW for name in bodies}
     moved = {f"{CONTROL}{model.actuator(k).name}" for k in range(model.nu)}
     moved |= {f"{RELEASE}{model.equality(k).name}" for k in range(model.neq)}
-    known = WATER | FIELD | THROW | {OBSTACLES} | single | moved
+    known = WATER | FIELD | THROW | {OBSTACLES, AFLOAT} | single | moved
     found: dict[str, Any] = {}
     entries: list[tuple[str, Any]] = [
         (model.numeric(k).name, model.numeric(k).data.tolist()) for k in range(model.nnumeric)
@@ -268,7 +282,9 @@ def _settings(model: mujoco.MjModel, file: Path, bodies: list[str]) -> dict[str,
             continue
         key = name.removeprefix(PREFIX)
         if key not in known:
-            listed = ", ".join(PREFIX + k for k in sorted(WATER | FIELD | THROW | {OBSTACLES}))
+            listed = ", ".join(
+                PREFIX + k for k in sorted(WATER | FIELD | THROW | {OBSTACLES, AFLOAT})
+            )
             raise SceneError(
                 f"{file}: unknown setting {name!r}; known are {listed}, and throw settings with "
                 f".<body> behind them (bodies: {', '.join(bodies)})"

@@ -123,7 +123,14 @@ def simulate_all(
             f"{', '.join(scene.held)}: thrown by an arm, so that engine must be 'mujoco' (the reference "
             "engine knows no arm) and the attitude free"
         )
-    for name in scene.stones.keys() - scene.held:
+    if scene.afloat:
+        if engine != "mujoco" or frozen_attitude:
+            raise ValueError(
+                f"{scene.path} is afloat: engine must be 'mujoco' (the reference engine has no joints), and the "
+                "attitude free"
+            )
+        limits = replace(limits, max_contact=max(limits.max_contact, 2.0 * limits.duration))
+    for name in () if scene.afloat else scene.stones.keys() - scene.held:
         _doubt_timestep(name, scene.stones[name], scene.throws[name], timestep)
     if frozen_attitude:
         scene = replace(scene, throws={n: replace(t, spin=0.0) for n, t in scene.throws.items()})
@@ -174,6 +181,7 @@ def simulate_all(
             surface=surface,
             own_dent=own_dent,
             frozen_attitude=frozen_attitude,
+            afloat=scene.afloat,
             throw=asdict(scene.throws[name]),
             water=asdict(scene.water_of(name)),
             limits=asdict(limits),
