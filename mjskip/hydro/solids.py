@@ -160,8 +160,10 @@ def convex_hull(points: npt.ArrayLike) -> Any:
     points = np.asarray(points, np.float64)
     extent = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
     try:
-        hull = trimesh.convex.convex_hull(points)
-    except QhullError:
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)
+            hull = trimesh.convex.convex_hull(points)
+    except (QhullError, ValueError, IndexError):
         hull = None
     if hull is None or not abs(hull.volume) > NO_VOLUME * extent**3:
         raise MeshError("the mesh is flat, it has no volume: give it a thickness")
@@ -320,7 +322,7 @@ class Simplification:
 
 
 def simplify(mesh: Any, max_faces: int) -> tuple[Any, Simplification]:
-    """A closed surface of at most some triangles and of the same volume.
+    """A closed surface of the same volume and of at most some triangles, or the fewest that are found.
 
     Edges are collapsed by the quadric error (Garland & Heckbert 1997, fast-simplification); where that opens
     the surface, within a growing tolerance by manifold3d, which never does. Then the surface is scaled about
