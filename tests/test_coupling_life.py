@@ -285,6 +285,7 @@ def test_fast_light_bodies_lose_energy_at_any_step():
         coupling = attach(model, data, water=Water(gate="local", buoyancy=True))
         before = math.inf
         model.opt.gravity[:] = 0.0
+        mujoco.mj_forward(model, data)
         for _ in range(20):
             mujoco.mj_energyVel(model, data)
             assert data.energy[1] <= before * (1.0 + 1e-12)

@@ -38,6 +38,9 @@ def throw_options(function: F) -> F:
         ),
         click.option("--buoyancy", is_flag=True, help="The water bears: hydrostatic pressure."),
         click.option("--skin-friction", is_flag=True, help="The water rubs: ITTC 1957."),
+        click.option(
+            "--quadrature", is_flag=True, help="Loads integrated over faces, not taken at centroids."
+        ),
     ]  # fmt: skip
     for decorator in reversed(decorators):
         function = decorator(function)
@@ -51,6 +54,7 @@ def chosen_scene(
     gate: str | None,
     buoyancy: bool,
     skin_friction: bool,
+    quadrature: bool,
     **throw: float | None,
 ) -> Scene:
     """The scene with what was asked for at the command line."""
@@ -60,8 +64,8 @@ def chosen_scene(
     water: dict[str, Any] = {
         key: value for key, value in (("law", law), ("gate", gate)) if value is not None
     }
-    water |= {"buoyancy": True} if buoyancy else {}
-    water |= {"skin_friction": True} if skin_friction else {}
+    switches = {"buoyancy": buoyancy, "skin_friction": skin_friction, "quadrature": quadrature}
+    water |= {key: True for key, on in switches.items() if on}
     return replace(loaded, water=replace(loaded.water, **water)) if water else loaded
 
 

@@ -40,6 +40,7 @@ def make_record(hull: Hull, water: Water, inertia: Inertia, block: Array) -> Arr
     record[kernels.ARM_MOBILITY] = np.einsum("nki,ij,nkj->nk", arms, inverse, arms).max()
     law = LAWS[water.law]
     coefficient = law.normal_squared + law.speed_normal + law.speed_squared + law.friction
+    coefficient += 0.25 * math.pi * law.cavity  # its slope where V.n is small
     turning = np.linalg.norm(hull.area_vectors, axis=1) @ np.linalg.norm(arms, axis=2).max(axis=1)
     record[kernels.MOVING_DRAG] = 0.5 * water.density * coefficient * hull.area
     record[kernels.TURNING_DRAG] = water.density * coefficient * turning

@@ -27,6 +27,10 @@ class Water:
         skin_friction: whether the water rubs along every immersed face (ITTC 1957), so that what floats
             comes to rest.
         viscosity: kinematic, of the water [m^2/s]; only for skin friction.
+        quadrature: whether the load of a law is integrated over the immersed part of each triangle (and, by the
+            gate "local", over that part of it which advances), instead of taken at its centroid as the paper
+            does: a spinning body's load then does not depend on how its faces are cut into triangles. Laws that
+            act `forward` are always integrated.
         law: name of the force on an immersed face, a key of `mjskip.hydro.laws.LAWS`.
 
     Raises:
@@ -41,6 +45,7 @@ class Water:
     buoyancy: bool = False
     skin_friction: bool = False
     viscosity: float = 1.0e-6
+    quadrature: bool = False
 
     @classmethod
     def floating(
