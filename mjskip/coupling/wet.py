@@ -14,7 +14,6 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
-import numpy.typing as npt
 
 from mjskip._typing import Array
 from mjskip.checks import check_choice, check_count, check_switch, fault
@@ -228,7 +227,7 @@ def _build(
 ) -> BuiltHull:
     import trimesh
 
-    from mjskip.hydro.solids import convex_hull, decked, simplify, union
+    from mjskip.hydro.solids import convex_hull, decked, simplify, union, with_area
 
     parts: list[Any] = []
     lost: dict[int, str] = {}
@@ -260,20 +259,21 @@ def _build(
     simplification = None
     if options.max_faces and len(whole.faces) > options.max_faces:
         whole, simplification = simplify(whole, options.max_faces)
+        if len(whole.faces) > options.max_faces:
+            warnings.warn(
+                f"the hull of body {body_name(model, wet.body)!r} keeps {len(whole.faces)} faces: fewer, up to "
+                f"max_faces={options.max_faces}, would spoil its volume or area; choose simpler geoms with geoms=, or "
+                'interior="convex"',
+                MjskipWarning,
+                stacklevel=2,
+            )
     vertices = np.asarray(whole.vertices, np.float64)
     faces = np.asarray(whole.faces, np.int32)
     tensor = inertia.tensor
     if not tensor.any():  # a massless body: its disc is that of its shape
         tensor = np.asarray(whole.moment_inertia, np.float64)
-    hull = Hull.of_surface(vertices=vertices, faces=_with_area(vertices, faces), inertia=tensor)
+    hull = Hull.of_surface(vertices=vertices, faces=with_area(vertices, faces), inertia=tensor)
     return BuiltHull(hull=hull, simplification=simplification, lost=lost)
-
-
-def _with_area(vertices: Array, faces: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
-    """The faces that have an area: others carry no load and have no normal."""
-    a, b, c = np.moveaxis(vertices[faces], 1, 0)
-    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    return np.asarray(faces[areas > 2e-14 * float(np.ptp(vertices, axis=0).max()) ** 2], np.int32)
 
 
 THROWN = HullOptions(max_faces=0)
