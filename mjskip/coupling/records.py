@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -106,32 +107,51 @@ def doubts(
 
 def _mass_doubts(model: Any, members: tuple[int, ...]) -> list[str]:
     """Bodies of one mesh whose mass MuJoCo has from a volume that is not the mesh's."""
-    from mjskip.hydro.solids import closed_mesh
-
     found = []
     for body in members:
         geoms = list(body_geoms(model, body))
-        if len(geoms) != 1 or int(model.geom_dataid[geoms[0]]) < 0:
+        mass = float(model.body_mass[body])
+        if len(geoms) != 1 or int(model.geom_dataid[geoms[0]]) < 0 or not mass > 0.0:
             continue
         mesh = mesh_of(model, geoms[0])
-        try:
-            solid = closed_mesh(mesh)
-        except MeshError:
-            continue
-        exact = float(solid.volume)
-        mass = float(model.body_mass[body])
-        own = np.asarray(model.body_inertia[body], np.float64)
-        if not mass > 0.0:
-            continue
-        for kind, (volume, moments) in _mujoco_volumes(solid).items():
-            taken = np.allclose(np.sort(own / mass), np.sort(moments), rtol=1e-3)
-            if taken and abs(volume / exact - 1.0) > MASS_OFF:
-                found.append(
-                    f"{label(model, geoms[0])} has the mass of its {kind} volume, {volume:.4g} m^3, but displaces "
-                    f'{exact:.4g} m^3: say inertia="exact" in its <mesh>'
-                )
-                break
+        wrong = _wrong_volume(
+            np.asarray(mesh.vertices).tobytes(),
+            np.asarray(mesh.faces).tobytes(),
+            tuple(float(moment) / mass for moment in model.body_inertia[body]),
+        )
+        if wrong is not None:
+            kind, volume, exact = wrong
+            found.append(
+                f"{label(model, geoms[0])} has the mass of its {kind} volume, {volume:.4g} m^3, but displaces "
+                f'{exact:.4g} m^3: say inertia="exact" in its <mesh>'
+            )
     return found
+
+
+@lru_cache(maxsize=256)
+def _wrong_volume(
+    vertices: bytes, faces: bytes, moments: tuple[float, ...]
+) -> tuple[str, float, float] | None:
+    """Kind and size of the volume that gave a mesh its inertia, and its own, if these differ."""
+    import trimesh
+
+    from mjskip.hydro.solids import closed_mesh
+
+    mesh = trimesh.Trimesh(
+        np.frombuffer(vertices).reshape(-1, 3),
+        np.frombuffer(faces, np.int64).reshape(-1, 3),
+        process=False,
+    )
+    try:
+        solid = closed_mesh(mesh)
+    except MeshError:
+        return None
+    exact = float(solid.volume)
+    for kind, (volume, own) in _mujoco_volumes(solid).items():
+        taken = np.allclose(np.sort(moments), np.sort(own), rtol=1e-3)
+        if taken and abs(volume / exact - 1.0) > MASS_OFF:
+            return kind, volume, exact
+    return None
 
 
 def _mujoco_volumes(mesh: Any) -> dict[str, tuple[float, Array]]:
