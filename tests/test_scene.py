@@ -129,7 +129,10 @@ def test_the_stone_of_the_clanet_scene_is_the_disc_of_the_oracle(clanet_scene, c
 # --- refusals --------------------------------------------------------------------------------------
 
 BAD_SETTINGS = [
-    (numeric("spinn", 1), r"unknown setting 'mjskip.spinn'; known are mjskip\.afloat, mjskip\.air_density, .*"),
+    (
+        numeric("spinn", 1),
+        r"unknown setting 'mjskip.spinn'; known are mjskip\.afloat, mjskip\.air_density, .*",
+    ),
     (
         '<numeric name="mjskip_speed" data="3"/>',
         r"'mjskip_speed' would be ignored: begin it with 'mjskip\.'",

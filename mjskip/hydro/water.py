@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Literal, get_args
 
 from mjskip.checks import check_choice, check_number, check_switch
@@ -58,11 +58,13 @@ class Water:
         buoyancy: bool = True,
         skin_friction: bool = True,
         viscosity: float = 1.0e-6,
+        quadrature: bool = False,
     ) -> Water:
         """Water for what floats: it bears, it rubs, and it never gives energy (gate "local")."""
         return cls(
             density=density, air_density=air_density, gate=gate, law=law, buoyancy=buoyancy,
             skin_friction=skin_friction, viscosity=viscosity,
+            quadrature=quadrature,
         )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -70,7 +72,7 @@ class Water:
             unit = "m^2/s" if name == "viscosity" else "kg/m^3"
             number = check_number(name, getattr(self, name), low=0.0, unit=unit)
             object.__setattr__(self, name, number)
-        for name in ("buoyancy", "skin_friction"):
+        for name in SWITCHES:
             object.__setattr__(self, name, check_switch(name, getattr(self, name)))
         check_choice("gate", self.gate, GATES)
         check_choice("law", self.law, tuple(LAWS))
@@ -78,3 +80,7 @@ class Water:
             raise ValueError(
                 "viscosity is 0 and skin_friction is on: give a viscosity above 0 [m^2/s]"
             )
+
+
+SWITCHES = tuple(each.name for each in fields(Water) if isinstance(each.default, bool))
+"""Fields of `Water` that are on or off."""
