@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -91,7 +92,7 @@ def run(
     else:
         for trajectory in trajectories.values():
             out.print(headline(scene, trajectory))
-            if trajectory.contacts:
+            if trajectory.contacts and not scene.afloat:
                 out.print(skip_table(trajectory))
             out.print(verdict(trajectory))
     if save is not None:
@@ -141,6 +142,8 @@ def headline(scene: Scene, trajectory: Trajectory) -> str:
     """One line: the stone and its throw."""
     name = trajectory.attributes["body"]
     throw, stone = trajectory.attributes["throw"], scene.stones[name]
+    if trajectory.attributes.get("afloat"):
+        return f"[bold]{name}[/] ({stone.mass:.3g} kg, {len(stone.faces)} triangles) afloat"
     text = {key: PARAMETERS[key].text_of(value) for key, value in throw.items()}
     return (
         f"[bold]{name}[/] ({1e3 * stone.mass:.3g} g, {len(stone.faces)} triangles) "
@@ -152,8 +155,12 @@ def verdict(trajectory: Trajectory) -> str:
     """One line: how many skips, and how it ended."""
     skips = trajectory.skips
     wall = trajectory.attributes["wall_seconds"]
+    outcome = f"[bold green]{skips} skip{'' if skips == 1 else 's'}[/], "
+    if trajectory.attributes.get("afloat"):
+        away = math.dist(trajectory.x[-1][:2], trajectory.x[0][:2])
+        outcome = f"[bold green]{away:.3g} m[/] from where it began, "
     return (
-        f"[bold green]{skips} skip{'' if skips == 1 else 's'}[/], {ENDS[trajectory.end]}\n"
+        f"{outcome}{ENDS[trajectory.end]}\n"
         f"[dim]{trajectory.attributes['engine']} {trajectory.attributes['integrator']}, "
         f"{1e3 * trajectory.attributes['timestep']:g} ms steps, "
         f"{trajectory.time[-1]:.2f} s simulated in {wall:.2f} s[/]\n"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import warnings
 from collections.abc import Callable, Iterator
 from types import TracebackType
@@ -49,14 +50,15 @@ class Coupling:
         data: mujoco.MjData | None,
         water: Water,
         *,
-        bodies: BodyRule,
-        geoms: GeomRule,
-        options: HullOptions,
-        native: bool,
+        bodies: BodyRule = None,
+        geoms: GeomRule = None,
+        options: HullOptions | None = None,
+        native: bool = True,
     ) -> None:
         """Choose what is wet and prepare it; `open` lets the water act."""
         _check_arguments(model, data, water)
-        self.model, self.water, self.options = model, water, options
+        self.model, self.water = model, water
+        options = options or HullOptions()
         self._data, self._native = data, native
         chosen = select(model, bodies, geoms)
         self.dry: dict[int, str] = dict(chosen.dry)
@@ -64,7 +66,6 @@ class Coupling:
         self.built: list[BuiltHull] = []
         self.inertias: list[Inertia] = []
         for wet in chosen.wet:
-            _refuse_plugged(model, wet.members)
             inertia = inertia_of(model, wet.body, wet.members)
             built = hull_of(model, wet, options, inertia)
             if built.hull is None:
@@ -117,6 +118,8 @@ class Coupling:
                 'this model says <flag actuation="disable"/>, which silences callbacks: remove it so that '
                 "water can act"
             )
+        for wet in self.wet:
+            _refuse_plugged(self.model, wet.members)
         self._entry.forget()
         self._told.clear()
         install = callback.install_native if self._native else callback.install_python
@@ -134,12 +137,13 @@ class Coupling:
         """
         if self._remove is not None:
             self._end()
-            self.check()
+            if not sys.is_finalizing():
+                self.check()
 
     def _end(self) -> None:
         """End the water without a word."""
         remove, self._remove = self._remove, None
-        if remove is not None:
+        if remove is not None and not sys.is_finalizing():  # then nothing is stepped any more
             self._entry.replaced |= not remove()
             if self._data is not None and self._before is not None:
                 self._data.xfrc_applied[list(self.bodies)] = self._before

@@ -15,8 +15,8 @@ import numpy as np
 from mjskip._typing import Array
 from mjskip.coupling._struct_layout import library
 from mjskip.coupling.attach import Coupling, attach
-from mjskip.coupling.bodies import find_body
-from mjskip.coupling.wet import THROWN
+from mjskip.coupling.bodies import body_name, find_body
+from mjskip.coupling.wet import THROWN, centre_of_mass
 from mjskip.errors import DivergedError, SceneError
 from mjskip.hydro.wrench import entry_address, wrench_address
 from mjskip.rigid.attitude import matrices
@@ -85,7 +85,7 @@ def release_states(scene: Scene) -> dict[str, State]:
     """How every stone leaves the hand, above the place where the scene has it; not those an arm holds."""
     found = {}
     for name, stone in scene.stones.items():
-        if name in scene.held:
+        if scene.afloat or name in scene.held:
             continue
         body = scene.model.body(find_body(scene.model, name))
         found[name] = scene.throws[name].state(stone, x=float(body.pos[0]), y=float(body.pos[1]))
@@ -217,6 +217,7 @@ class MujocoEngine:
             _place(model, self.data, name, start)
         self._sound = 0.0  # when it was last checked: MuJoCo's own clock begins anew if it diverges
         self._arm = scene.arm
+        self._afloat = scene.afloat
         self.acts = bool(scene.arm.controls or scene.arm.release_times)
         self._water = None if scene.plugged else scene.water
         self._open = ExitStack()
@@ -225,11 +226,11 @@ class MujocoEngine:
     def __enter__(self) -> MujocoEngine:
         self._open.enter_context(_unlogged())
         if self._water is not None:
-            water = attach(
-                self.model, self.data, water=self._water, bodies=list(self.names),
-                max_faces=THROWN.max_faces,
+            coupling = attach(
+                self.model, self.data, water=self._water,
+                bodies=None if self._afloat else list(self.names), max_faces=THROWN.max_faces,
             )  # fmt: skip
-            self._coupling = self._open.enter_context(water)
+            self._coupling = self._open.enter_context(coupling)
         return self
 
     def __exit__(
@@ -303,7 +304,7 @@ def _context(model: mujoco.MjModel, data: mujoco.MjData, names: tuple[str, ...])
         if model.body_parentid[body] != 0:
             raise SceneError(f"body {name!r} is not a child of the world: a stone must be")
         row[:3] = model.jnt_qposadr[joint], model.jnt_dofadr[joint], body
-        row[3:] = model.body_ipos[body]
+        row[3:] = centre_of_mass(model, body)
     return context
 
 
@@ -313,7 +314,7 @@ def _place(model: mujoco.MjModel, data: mujoco.MjData, name: str, start: State) 
     joint = model.body_jntadr[body]
     q, v = model.jnt_qposadr[joint], model.jnt_dofadr[joint]
     rotation = matrices(start.q)
-    arm = rotation @ model.body_ipos[body]
+    arm = rotation @ centre_of_mass(model, body)
     data.qpos[q : q + 7] = [*(start.position - arm), *start.q]
     data.qvel[v : v + 6] = [
         *(start.velocity - np.cross(start.omega, arm)),

@@ -21,7 +21,7 @@ from mjskip._typing import PathLike
 from mjskip.checks import check_path, check_type
 from mjskip.coupling.bodies import body_name, find_body, free_bodies
 from mjskip.coupling.loading import load_model
-from mjskip.coupling.plugin import NAME, plugin_options, plugin_water
+from mjskip.coupling.plugin import NAME, plugin_settings, plugin_water
 from mjskip.coupling.terrain import Land
 from mjskip.coupling.wet import THROWN, body_stone
 from mjskip.errors import SceneError
@@ -37,12 +37,14 @@ WATER = {field.name for field in fields(Water)}
 FIELD = {"shape", "spacing", "wave_speed", "damping", "stencil", "boundary", "centre"}
 THROW = set(PARAMETERS)
 TEXTS = {"gate", "law", "stencil", "boundary"}
-SWITCHES = {*WATER_SWITCHES, "obstacles"}
+SWITCHES = {*WATER_SWITCHES, "obstacles", "afloat"}
 SLEEP_AMPLITUDE = 1e-5
 """Waves that are lower are let go [m]."""
 PAIRS = {"shape", "centre"}
 OBSTACLES = "obstacles"
 """Switch: fixed geoms that pierce the surface are land in the scene's `HeightField`."""
+AFLOAT = "afloat"
+"""Switch: nothing is thrown; bodies begin where the scene has them, and may stay in the water."""
 CONTROL, RELEASE = "control.", "release."
 
 
@@ -62,6 +64,7 @@ class Scene:
         plugged: the water of every body that has it from the engine plugin, by name; of all or none.
         arm: what the scene's robot does.
         held: bodies that the robot throws, so that their `throws` mean nothing.
+        afloat: whether nothing is thrown: bodies begin where the scene has them, and all that moves is wet.
     """
 
     path: Path
@@ -75,6 +78,7 @@ class Scene:
     plugged: Mapping[str, Water]
     arm: Arm
     held: frozenset[str]
+    afloat: bool = False
 
     def __repr__(self) -> str:
         return f"Scene({self.path.name}, body={self.body!r}, {len(self.throws)} free bodies)"
@@ -90,8 +94,9 @@ class Scene:
         found = {}
         for name in self.throws:
             body = find_body(self.model, name)
-            options = plugin_options(self.model, body) if name in self.plugged else THROWN
-            found[name] = body_stone(self.model, body, options)
+            told = plugin_settings(self.model, body)
+            options, geoms = (told.options, told.geoms) if told else (THROWN, None)
+            found[name] = body_stone(self.model, body, options=options, geoms=geoms)
         return found
 
     @property
@@ -126,6 +131,11 @@ class Scene:
         Raises:
             ValueError: a value is out of range, or the body is thrown by a robot.
         """
+        if changes and self.afloat:
+            raise ValueError(
+                f"{self.body!r} in {self.path} is afloat and not thrown: leave out {', '.join(changes)}, or take "
+                f"{PREFIX}{AFLOAT} out of the scene"
+            )
         if changes and self.body in self.held:
             raise ValueError(
                 f"{self.body!r} is thrown by the arm in {self.path}: change its control signals there, not "
@@ -202,6 +212,7 @@ def load_scene(path: PathLike = "lake", *, body: str | None = None) -> Scene:
             plugged=plugged,
             arm=arm,
             held=arm.held(model) & set(names),
+            afloat=settings.get(AFLOAT, False),
         )
         scene.field()  # refuse bad settings of the water surface here, in a few milliseconds
     except ValueError as error:
@@ -246,7 +257,7 @@ def _settings(model: mujoco.MjModel, file: Path, bodies: list[str]) -> dict[str,
     single = {f"{key}.{name}" for key in THROW for name in bodies}
     moved = {f"{CONTROL}{model.actuator(k).name}" for k in range(model.nu)}
     moved |= {f"{RELEASE}{model.equality(k).name}" for k in range(model.neq)}
-    known = WATER | FIELD | THROW | {OBSTACLES} | single | moved
+    known = WATER | FIELD | THROW | {OBSTACLES, AFLOAT} | single | moved
     found: dict[str, Any] = {}
     entries: list[tuple[str, Any]] = [
         (model.numeric(k).name, model.numeric(k).data.tolist()) for k in range(model.nnumeric)
@@ -264,7 +275,9 @@ def _settings(model: mujoco.MjModel, file: Path, bodies: list[str]) -> dict[str,
             continue
         key = name.removeprefix(PREFIX)
         if key not in known:
-            listed = ", ".join(PREFIX + k for k in sorted(WATER | FIELD | THROW | {OBSTACLES}))
+            listed = ", ".join(
+                PREFIX + k for k in sorted(WATER | FIELD | THROW | {OBSTACLES, AFLOAT})
+            )
             raise SceneError(
                 f"{file}: unknown setting {name!r}; known are {listed}, and throw settings with "
                 f".<body> behind them (bodies: {', '.join(bodies)})"

@@ -118,7 +118,9 @@ def simulate_all(
     check_choice("surface", surface, SURFACES)
     check_positive(timestep=timestep)
     _check_options(scene, engine, timestep, limits, frozen_attitude=frozen_attitude, waves=surface == "waves")  # fmt: skip
-    for name in scene.stones.keys() - scene.held:
+    if scene.afloat:
+        limits = replace(limits, max_contact=max(limits.max_contact, 2.0 * limits.duration))
+    for name in () if scene.afloat else scene.stones.keys() - scene.held:
         _warn_timestep(name, scene.stones[name], scene.throws[name], timestep)
     if frozen_attitude:
         scene = replace(scene, throws={n: replace(t, spin=0.0) for n, t in scene.throws.items()})
@@ -162,6 +164,7 @@ def simulate_all(
             gravity=gravity.tolist(),
             surface=surface,
             frozen_attitude=frozen_attitude,
+            afloat=scene.afloat,
             throw=asdict(scene.throws[name]),
             water=asdict(scene.water_of(name)),
             limits=asdict(limits),
@@ -221,6 +224,11 @@ def _check_options(
     if scene.plugged and scene.water != scene.plugged[scene.body]:
         raise ValueError(
             f"the water of {scene.body!r} comes from the plugin in {scene.path}: change its <config> there"
+        )
+    if scene.afloat and (engine != "mujoco" or frozen_attitude or waves):
+        raise ValueError(
+            f"{scene.path} is afloat: engine must be 'mujoco' (the reference engine has no joints), the attitude "
+            "free, and surface 'still' (waves under what floats: mjskip.add_water)"
         )
     if scene.held and (engine != "mujoco" or frozen_attitude):
         raise ValueError(
