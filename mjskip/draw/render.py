@@ -32,7 +32,7 @@ from mjskip.draw.video import (
     write_video,
 )
 from mjskip.files import check_folder
-from mjskip.throws.trajectory import Trajectory
+from mjskip.throws.trajectory import Trajectory, pose_at
 from mjskip.throws.wake import Wake
 
 if TYPE_CHECKING:
@@ -164,7 +164,12 @@ def render_frames(
 
 
 def frames(
-    scene: Scene, trajectory: Flights, shot: Shot = USUAL, *, times: Array | None = None
+    scene: Scene,
+    trajectory: Flights,
+    shot: Shot = USUAL,
+    *,
+    times: Array | None = None,
+    follow: Trajectory | None = None,
 ) -> Generator[Image, None, None]:
     """The pictures (height, width, 3) of a throw, one at a time; see `render_video`.
 
@@ -176,6 +181,8 @@ def frames(
         trajectory: what the stones did.
         shot: how it is filmed.
         times: ascending moments to draw [s]; those of the film if None.
+        follow: the flight that a camera that follows keeps in its middle to the end; None for the scene's
+            stone until it ploughs on, see `followed`.
     """
     if times is None:
         times = shot_times(trajectory, shot)
@@ -187,7 +194,11 @@ def frames(
     # the stage opens here, not at the first picture: what is wrong shows before a file is begun
     stage.open()
     wake = Wake(field, list(flights.values()), density=scene.water.density)
-    return _play(stage, field, wake, times, flights, body, shot)
+    if follow is None:
+        centres = followed(flights[body], times)
+    else:
+        centres = np.array([pose_at(follow, time)[0] for time in times.tolist()])
+    return _play(stage, field, wake, times, centres, flights, body, shot)
 
 
 def _play(
@@ -195,6 +206,7 @@ def _play(
     field: Any,
     wake: Wake,
     times: Array,
+    centres: Array,
     flights: Mapping[str, Trajectory],
     body: str,
     plan: Shot,
@@ -203,7 +215,6 @@ def _play(
         Overlay(flight, trail=plan.trail, marks=plan.marks, number=number)
         for number, flight in enumerate(flights.values())
     ]
-    centres = followed(flights[body], times)
     with contextlib.closing(stage):
         wake.time = min(float(times[0]), min(float(f.time[0]) for f in flights.values()))
         for time, centre in zip(times.tolist(), centres, strict=True):
