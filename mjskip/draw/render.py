@@ -61,6 +61,7 @@ class Shot:
         trail: whether the stone's path fades behind it.
         marks: whether a ring stays where it touched.
         caption: whether speed, spin and skips are written into the corner.
+        spray: whether drops fly; drawn only, see `mjskip.draw.spray`.
 
     Raises:
         ValueError: a size, rate or name that cannot be used.
@@ -75,6 +76,7 @@ class Shot:
     trail: bool = True
     marks: bool = True
     caption: bool = True
+    spray: bool = True
 
     def __post_init__(self) -> None:
         check_size(self.size)
@@ -105,6 +107,7 @@ def render_video(
     trail: bool = True,
     marks: bool = True,
     caption: bool = True,
+    spray: bool = True,
     progress: Progress | None = None,
 ) -> Path:
     """Write a video of a throw: h264, or an animated WebP or GIF.
@@ -124,6 +127,7 @@ def render_video(
         trail: whether the stone's path fades behind it.
         marks: whether a ring stays where it touched.
         caption: whether speed, spin and skips are written into the corner.
+        spray: whether drops fly; drawn only, see `mjskip.draw.spray`.
         progress: called with the frames done and to do.
 
     Returns:
@@ -138,7 +142,7 @@ def render_video(
     check_video_path(path)
     shot = Shot(
         camera=camera, size=size, fps=fps, slow=slow, look=look, linger=linger, trail=trail,
-        marks=marks, caption=caption,
+        marks=marks, caption=caption, spray=spray,
     )  # fmt: skip
     images = frames(scene, trajectory, shot)
     with contextlib.closing(images):
@@ -190,7 +194,15 @@ def frames(
     field = scene.field()
     body = scene.body if scene.body in flights else next(iter(flights))
     grid = Grid.around(step=max(field.spacing, _STEP * largest_radius(scene.model, body)))
-    stage = Stage(scene, flights, camera=shot.camera, size=shot.size, grid=grid, look=shot.look)
+    stage = Stage(
+        scene,
+        flights,
+        camera=shot.camera,
+        size=shot.size,
+        grid=grid,
+        look=shot.look,
+        spray=shot.spray,
+    )
     # the stage opens here, not at the first picture: what is wrong shows before a file is begun
     stage.open()
     wake = Wake(field, list(flights.values()), density=scene.water.density)
