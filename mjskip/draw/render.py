@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import gaussian_filter1d
 
+from mjskip.draw.forces import draw_loads, loads_at
 from mjskip.draw.gl import gl_renderer as gl_renderer
 from mjskip.draw.gl import is_software as is_software
 from mjskip.draw.overlay import Overlay, numbers_at
@@ -36,6 +37,7 @@ from mjskip.throws.trajectory import Trajectory, pose_at
 from mjskip.throws.wake import Wake
 
 if TYPE_CHECKING:
+    from mjskip.hydro.stone import Stone
     from mjskip.throws.scene import Scene
 
 Array = npt.NDArray[np.float64]
@@ -62,6 +64,7 @@ class Shot:
         marks: whether a ring stays where it touched.
         caption: whether speed, spin and skips are written into the corner.
         spray: whether drops fly; drawn only, see `mjskip.draw.spray`.
+        forces: whether arrows of the forces, wetted faces and centres of buoyancy are drawn over it.
 
     Raises:
         ValueError: a size, rate or name that cannot be used.
@@ -77,6 +80,7 @@ class Shot:
     marks: bool = True
     caption: bool = True
     spray: bool = True
+    forces: bool = False
 
     def __post_init__(self) -> None:
         check_size(self.size)
@@ -108,6 +112,7 @@ def render_video(
     marks: bool = True,
     caption: bool = True,
     spray: bool = True,
+    forces: bool = False,
     progress: Progress | None = None,
 ) -> Path:
     """Write a video of a throw: h264, or an animated WebP or GIF.
@@ -128,6 +133,7 @@ def render_video(
         marks: whether a ring stays where it touched.
         caption: whether speed, spin and skips are written into the corner.
         spray: whether drops fly; drawn only, see `mjskip.draw.spray`.
+        forces: whether arrows of the forces, wetted faces and centres of buoyancy are drawn over it.
         progress: called with the frames done and to do.
 
     Returns:
@@ -210,7 +216,7 @@ def frames(
         centres = followed(flights[body], times)
     else:
         centres = np.array([pose_at(follow, time)[0] for time in times.tolist()])
-    return _play(stage, field, wake, times, centres, flights, body, shot)
+    return _play(stage, field, wake, times, centres, flights, body, shot, scene.stones)
 
 
 def _play(
@@ -222,6 +228,7 @@ def _play(
     flights: Mapping[str, Trajectory],
     body: str,
     plan: Shot,
+    stones: Mapping[str, Stone],
 ) -> Generator[Image, None, None]:
     overlays = [
         Overlay(flight, trail=plan.trail, marks=plan.marks, number=number)
@@ -234,6 +241,11 @@ def _play(
             image = stage.draw(time, field, centre=centre)
             for overlay in overlays:
                 overlay.draw(image, time, stage.eye)
+            if plan.forces and time <= flights[body].time[-1]:
+                loads = [loads_at(flight, stones[name], time) for name, flight in flights.items()]
+                for one in loads:
+                    draw_loads(image, one, stage.eye)
+                write_caption(image, loads[list(flights).index(body)].text, corner="top")
             if plan.caption:
                 slowed = f"  ·  {plan.slow:g} times slower" if plan.slow > 1.0 else ""
                 write_caption(image, numbers_at(flights[body], time) + slowed)
