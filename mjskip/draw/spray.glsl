@@ -20,6 +20,8 @@ void main()
 #else
     opacity = place.w;
 #endif
+    // from below, what flies above the water is bent and broken by it: it is left out
+    if (eye.w < 0.0 && place.z > 0.0) opacity = 0.0;
 }
 #else
 uniform sampler2D distances;
