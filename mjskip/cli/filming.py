@@ -69,6 +69,8 @@ def film_options(function: F) -> F:
         ),
         click.option("--trail/--no-trail", default=True, help="The stone's path, fading."),
         click.option("--marks/--no-marks", default=True, help="Rings where it touched."),
+        click.option("--spray/--no-spray", default=True, help="Drops that fly; drawn only."),
+        click.option("--forces/--no-forces", default=False, help="Arrows of water and air, wetted faces."),
         click.option("--caption/--no-caption", default=True, help="Speed, spin and skips."),
     ]  # fmt: skip
     for decorator in reversed(decorators):

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import gaussian_filter1d
 
+from mjskip.draw.forces import draw_loads, loads_at
 from mjskip.draw.gl import gl_renderer as gl_renderer
 from mjskip.draw.gl import is_software as is_software
 from mjskip.draw.overlay import Overlay, numbers_at
@@ -33,10 +34,11 @@ from mjskip.draw.video import (
 )
 from mjskip.files import check_folder
 from mjskip.throws.rings import recorded_rings
-from mjskip.throws.trajectory import Trajectory
+from mjskip.throws.trajectory import Trajectory, pose_at
 from mjskip.waves.recording import SurfaceFrames, SurfaceRecording
 
 if TYPE_CHECKING:
+    from mjskip.hydro.stone import Stone
     from mjskip.throws.scene import Scene
 
 Array = npt.NDArray[np.float64]
@@ -62,6 +64,8 @@ class Shot:
         trail: whether the stone's path fades behind it.
         marks: whether a ring stays where it touched.
         caption: whether speed, spin and skips are written into the corner.
+        spray: whether drops fly; drawn only, see `mjskip.draw.spray`.
+        forces: whether arrows of the forces, wetted faces and centres of buoyancy are drawn over it.
 
     Raises:
         ValueError: a size, rate or name that cannot be used.
@@ -76,6 +80,8 @@ class Shot:
     trail: bool = True
     marks: bool = True
     caption: bool = True
+    spray: bool = True
+    forces: bool = False
 
     def __post_init__(self) -> None:
         check_size(self.size)
@@ -106,6 +112,8 @@ def render_video(
     trail: bool = True,
     marks: bool = True,
     caption: bool = True,
+    spray: bool = True,
+    forces: bool = False,
     progress: Progress | None = None,
 ) -> Path:
     """Write a video of a throw: h264, or an animated WebP or GIF.
@@ -125,6 +133,8 @@ def render_video(
         trail: whether the stone's path fades behind it.
         marks: whether a ring stays where it touched.
         caption: whether speed, spin and skips are written into the corner.
+        spray: whether drops fly; drawn only, see `mjskip.draw.spray`.
+        forces: whether arrows of the forces, wetted faces and centres of buoyancy are drawn over it.
         progress: called with the frames done and to do.
 
     Returns:
@@ -139,7 +149,7 @@ def render_video(
     check_video_path(path)
     shot = Shot(
         camera=camera, size=size, fps=fps, slow=slow, look=look, linger=linger, trail=trail,
-        marks=marks, caption=caption,
+        marks=marks, caption=caption, spray=spray,
     )  # fmt: skip
     images = frames(scene, trajectory, shot)
     with contextlib.closing(images):
@@ -165,7 +175,12 @@ def render_frames(
 
 
 def frames(
-    scene: Scene, trajectory: Flights, shot: Shot = USUAL, *, times: Array | None = None
+    scene: Scene,
+    trajectory: Flights,
+    shot: Shot = USUAL,
+    *,
+    times: Array | None = None,
+    follow: Trajectory | None = None,
 ) -> Generator[Image, None, None]:
     """The pictures (height, width, 3) of a throw, one at a time; see `render_video`.
 
@@ -178,6 +193,8 @@ def frames(
         trajectory: what the stones did.
         shot: how it is filmed.
         times: ascending moments to draw [s]; those of the film if None.
+        follow: the flight that a camera that follows keeps in its middle to the end; None for the scene's
+            stone until it ploughs on, see `followed`.
     """
     if times is None:
         times = shot_times(trajectory, shot)
@@ -185,10 +202,23 @@ def frames(
     body = scene.body if scene.body in flights else next(iter(flights))
     spacing = scene.field().spacing
     grid = Grid.around(step=max(spacing, _STEP * largest_radius(scene.model, body)))
-    stage = Stage(scene, flights, camera=shot.camera, size=shot.size, grid=grid, look=shot.look)
+    stage = Stage(
+        scene,
+        flights,
+        camera=shot.camera,
+        size=shot.size,
+        grid=grid,
+        look=shot.look,
+        spray=shot.spray,
+    )
     # the stage opens here, not at the first picture: what is wrong shows before a file is begun
     stage.open()
-    return _play(stage, surface_of(scene, flights, shot), times, flights, body, shot)
+    if follow is None:
+        centres = followed(flights[body], times)
+    else:
+        centres = np.array([pose_at(follow, time)[0] for time in times.tolist()])
+    water = surface_of(scene, flights, shot)
+    return _play(stage, water, times, centres, flights, body, shot, scene.stones)
 
 
 def surface_frames(shot: Shot) -> SurfaceFrames:
@@ -208,20 +238,26 @@ def _play(
     stage: Stage,
     water: SurfaceRecording,
     times: Array,
+    centres: Array,
     flights: Mapping[str, Trajectory],
     body: str,
     plan: Shot,
+    stones: Mapping[str, Stone],
 ) -> Generator[Image, None, None]:
     overlays = [
         Overlay(flight, trail=plan.trail, marks=plan.marks, number=number)
         for number, flight in enumerate(flights.values())
     ]
-    centres = followed(flights[body], times)
     with contextlib.closing(stage):
         for time, centre in zip(times.tolist(), centres, strict=True):
             image = stage.draw(time, water.at(time), centre=centre)
             for overlay in overlays:
                 overlay.draw(image, time, stage.eye)
+            if plan.forces and time <= flights[body].time[-1]:
+                loads = [loads_at(flight, stones[name], time) for name, flight in flights.items()]
+                for one in loads:
+                    draw_loads(image, one, stage.eye)
+                write_caption(image, loads[list(flights).index(body)].text, corner="top")
             if plan.caption:
                 slowed = f"  ·  {plan.slow:g} times slower" if plan.slow > 1.0 else ""
                 write_caption(image, numbers_at(flights[body], time) + slowed)
