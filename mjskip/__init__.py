@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from mjskip.coupling.attach import attach as attach
     from mjskip.coupling.flotation import float_at_rest as float_at_rest
     from mjskip.coupling.plugin import register_plugin as register_plugin
+    from mjskip.coupling.water_surface import WaterSurface as WaterSurface
+    from mjskip.coupling.water_surface import add_water as add_water
     from mjskip.draw.appearance import WaterAppearance as WaterAppearance
     from mjskip.draw.render import render_video as render_video
     from mjskip.draw.renderer import Renderer as Renderer
@@ -41,7 +43,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "LAWS", "Contact", "Coupling", "HeightField", "Hull", "Lake", "Limits", "Renderer", "Scene", "Stone", "Throw",
-    "Trajectory", "Water", "WaterAppearance", "attach", "errors", "float_at_rest", "integrate", "load_scene",
+    "Trajectory", "Water", "WaterAppearance", "WaterSurface", "add_water", "attach", "errors", "float_at_rest", "integrate", "load_scene",
     "optimize", "register_plugin", "render_video",
     "simulate", "simulate_all", "sweep", "wrench",
 ]  # fmt: skip
@@ -50,6 +52,7 @@ _WHERE = {
     "coupling.attach": ["Coupling", "attach"],
     "coupling.flotation": ["float_at_rest"],
     "coupling.plugin": ["register_plugin"],
+    "coupling.water_surface": ["WaterSurface", "add_water"],
     "draw.appearance": ["WaterAppearance"],
     "draw.render": ["render_video"],
     "draw.renderer": ["Renderer"],

@@ -22,7 +22,7 @@ LAYERS = (
     {"coupling"},
     {"throws"},
     {"draw", "sweeps"},
-    {"play", "envs"},
+    {"play", "envs", "warp", "jax"},
     {"cli"},
     {"__init__", "__main__"},
 )

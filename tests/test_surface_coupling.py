@@ -269,7 +269,7 @@ def test_the_profile_of_a_bump_is_the_response_on_fine_cells(kind):
     radius, cells, spacing = 0.02, 128, 0.0025
     if kind == "deep":
         table = coupling.deep_impulse(cells, spacing=spacing)
-        profile = coupling.deep_profile(radius=radius, extent=0.15)
+        profile = coupling.deep_profile(radius=radius)
     else:
         table = coupling.wave_impulse(wave_speed=1.0, gravity=G0, spacing=spacing)
         profile = coupling.wave_profile(wave_speed=1.0, gravity=G0, radius=radius)
@@ -286,7 +286,7 @@ def test_the_profile_of_a_bump_is_the_response_on_fine_cells(kind):
     field = np.empty((cells, cells))
     kernels.surface_response(faces, 5, spots, side, table, 1.0 / spacing**2, field, exact)
     kernels.surface_response_by_distance(
-        faces, 5, profile, coupling.PROFILE_PER_RADIUS / radius, 1.0, quick
+        faces, 5, profile, coupling.PROFILE_PER_RADIUS_SQUARED / radius**2, 1.0, quick
     )
     assert quick[0] == pytest.approx(exact[0], abs=1.5 * (spacing / radius) ** 2 * exact[0, 0])
 

@@ -230,6 +230,8 @@ def test_a_shift_moves_the_water_as_it_is_and_counts_what_it_leaves_behind():
     window.state[kernels.STATE :] = rng.standard_normal(3 * 32 * 32)
     level, total = window.level.copy(), window.volume
     first = window.state[:2].copy()
+    window.follow(0.005, -0.005)
+    assert (window.state[:2] == first).all()
     window.follow(0.05, -0.03)
     di, dj = (window.state[:2] - first).astype(int)
     assert di in (5, 6)

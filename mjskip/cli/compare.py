@@ -8,17 +8,14 @@ from dataclasses import asdict
 from typing import Any
 
 import click
-from rich.console import Console
 from rich.table import Table
 
 from mjskip import __version__
+from mjskip.cli.console import err, out, plain_table
 from mjskip.cli.options import chosen_scene, throw_options
-from mjskip.throws.comparison import LADDER, Comparison
+from mjskip.throws.comparison import LADDER, Comparison, Differences
 from mjskip.throws.comparison import compare as compare_solvers
 from mjskip.throws.simulate import largest_timestep
-
-out = Console(highlight=False)
-err = Console(stderr=True, highlight=False)
 
 
 @click.command()
@@ -86,58 +83,39 @@ def _report(path: Any, body: str, result: Comparison, advised: float) -> dict[st
 
 
 def _rows_table(result: Comparison) -> Table:
-    table = _table("solver", "step\nms", "flight\nm", "\ndeg", "touch\nm", "\ndeg", "a step\nµs")
+    table = plain_table("solver", "step\nms", *HEADINGS, "a step\nµs", left=("solver",))
     last = ""
     for row in result.rows:
         solver = f"{row.engine} {row.integrator}"
         if last and solver != last:
             table.add_section()
-        table.add_row(
-            solver if solver != last else "",
-            f"{1e3 * row.timestep:g}",
-            _metres(row.flight_position),
-            _degrees(row.flight_attitude),
-            _metres(row.touch_position),
-            _degrees(row.touch_attitude),
-            "diverged" if math.isnan(row.step_seconds) else f"{1e6 * row.step_seconds:.0f}",
-        )
+        cost = "diverged" if math.isnan(row.step_seconds) else f"{1e6 * row.step_seconds:.0f}"
+        table.add_row(solver if solver != last else "", *_cells(row), cost)
         last = solver
     return table
 
 
 def _agreement_table(result: Comparison) -> Table:
-    table = _table("step\nms", "flight\nm", "\ndeg", "touch\nm", "\ndeg")
+    table = plain_table("step\nms", *HEADINGS)
     for row in result.agreement:
-        table.add_row(
-            f"{1e3 * row.timestep:g}",
-            _metres(row.flight_position),
-            _degrees(row.flight_attitude),
-            _metres(row.touch_position),
-            _degrees(row.touch_attitude),
-        )
+        table.add_row(*_cells(row))
     return table
 
 
+HEADINGS = ("flight\nm", "\ndeg", "touch\nm", "\ndeg")
+
+
+def _cells(row: Differences) -> list[str]:
+    """Time step [ms] and differences [m, degrees]."""
+    lengths = (row.flight_position, row.touch_position)
+    angles = (math.degrees(row.flight_attitude), math.degrees(row.touch_attitude))
+    numbers = [number for pair in zip(lengths, angles, strict=True) for number in pair]
+    return [f"{1e3 * row.timestep:g}", *("-" if math.isnan(n) else f"{n:.1e}" for n in numbers)]
+
+
 def _order_table(result: Comparison) -> Table:
-    table = _table("solver", "smooth flight", "touch")
+    table = plain_table("solver", "smooth flight", "touch", left=("solver",))
     for order in result.orders:
         cells = ["-" if v is None else f"{v:.2f}" for v in (order.smooth_flight, order.touch)]
         table.add_row(f"{order.engine} {order.integrator}", *cells)
     return table
-
-
-def _table(*headings: str) -> Table:
-    """A table without frames whose first column is text if it names solvers."""
-    table = Table(header_style="cyan", box=None, pad_edge=False, padding=(0, 1))
-    for heading in headings:
-        justify: Any = "left" if heading == "solver" else "right"
-        table.add_column(heading, justify=justify, no_wrap=True)
-    return table
-
-
-def _metres(value: float) -> str:
-    return "-" if math.isnan(value) else f"{value:.1e}"
-
-
-def _degrees(value: float) -> str:
-    return "-" if math.isnan(value) else f"{math.degrees(value):.1e}"

@@ -1,6 +1,7 @@
 """Engine plugin mjskip.water, compiled to C by numba: force on bodies, and sensors.
 
-The plugin keeps nothing in MjData. An instance wets the bodies that carry it, and what moves below them unless it
+Of still water the plugin keeps nothing in MjData; of water that moves (`_moving_kernels`, called by address since it is
+compiled for those that use it alone) everything, as its state. An instance wets the bodies that carry it, and what moves below them unless it
 carries another; each such *head* has the bodies that are welded to it. At every call the content of a head (its
 geoms, mass and inertia, the text of its configuration) is hashed, and the hash finds the *record*
 (`_record_kernels`) in a table of this process. So it does not matter which model, copy of a model or data comes, from
@@ -38,13 +39,19 @@ from mjskip._compile.pointers import (
 from mjskip.coupling._record_kernels import BLOCK, CENTRE, NEEDED_STEP, SCRATCH, wet_load
 from mjskip.coupling._struct_layout import library
 
-WRENCH, IMMERSION, BUILDER, TABLE, GRAVITY, TIMESTEP, SLOT, MEMBERS = 0, 1, 2, 3, 4, 5, 6, 7
+WRENCH, IMMERSION, BUILDER, TABLE, GRAVITY, TIMESTEP, SLOT, INTEGRATOR = range(8)
+MOVING_COMPUTE, MOVING_ADVANCE, MOVING_DRAW = 8, 9, 10  # 0 until an instance needs them
+SCENE_MAXGEOM, SCENE_NGEOM, SCENE_GEOMS, GEOM_BYTES = 11, 12, 13, 14
+MEMBERS = 15
 SLOTS, PAIRS = 0, 1
 ASK, BODY, INSTANCE, KEY, ANSWER, MESSAGE, REQUEST = 0, 1, 2, 3, 4, 5, 6
-CONFIGURATION, HULL, FRESH_HULL, DOUBTS, TOO_LARGE_STEP = 0, 1, 2, 3, 4
+CONFIGURATION, HULL, FRESH_HULL, DOUBTS, TOO_LARGE_STEP, SURFACE, STATE_SIZE = range(7)
 """What is asked: whether a configuration is allowed; a record; the same after a look at all of its meshes;
-to say what is doubtful about an instance; to say that a body's drag was limited."""
+to say what is doubtful about an instance; to say that a body's drag was limited; the record of an instance's surface
+(`_moving_kernels`); how many doubles its state has."""
 CANNOT, DRY = 0, 1
+MOVES, STATE_DOUBLES = 0, 1
+"""Of the record of a surface: above 0 if it moves, and how many doubles of state it has."""
 
 MODEL_MEMBERS = (
     "nbody", "nsensor", "nplugin", "npluginattr",
@@ -56,7 +63,7 @@ MODEL_MEMBERS = (
     "geom_contype", "geom_conaffinity", "geom_group", "name_geomadr", "names",
     "mesh_vertadr", "mesh_vertnum", "mesh_vert", "mesh_faceadr", "mesh_facenum", "mesh_face",
     "plugin", "plugin_attr", "plugin_attradr",
-    "sensor_plugin", "sensor_adr",
+    "plugin_stateadr", "sensor_plugin", "sensor_adr", "sensor_objtype", "sensor_objid",
 )  # fmt: skip
 (
     NBODY, NSENSOR, NPLUGIN, NPLUGINATTR,
@@ -68,14 +75,16 @@ MODEL_MEMBERS = (
     GEOM_CONTYPE, GEOM_CONAFFINITY, GEOM_GROUP, NAME_GEOMADR, NAMES,
     MESH_VERTADR, MESH_VERTNUM, MESH_VERT, MESH_FACEADR, MESH_FACENUM, MESH_FACE,
     PLUGIN, PLUGIN_ATTR, PLUGIN_ATTRADR,
-    SENSOR_PLUGIN, SENSOR_ADR,
+    PLUGIN_STATEADR, SENSOR_PLUGIN, SENSOR_ADR, SENSOR_OBJTYPE, SENSOR_OBJID,
 ) = range(MEMBERS, MEMBERS + len(MODEL_MEMBERS))  # fmt: skip
 DATA_MEMBERS = (
     "xpos", "xmat", "cvel", "cdof", "subtree_com", "qfrc_passive", "body_awake", "sensordata",
+    "plugin_state", "site_xpos",
 )  # fmt: skip
-XPOS, XMAT, CVEL, CDOF, SUBTREE_COM, QFRC_PASSIVE, BODY_AWAKE, SENSORDATA = range(
-    MEMBERS + len(MODEL_MEMBERS), MEMBERS + len(MODEL_MEMBERS) + len(DATA_MEMBERS)
-)
+(
+    XPOS, XMAT, CVEL, CDOF, SUBTREE_COM, QFRC_PASSIVE, BODY_AWAKE, SENSORDATA,
+    PLUGIN_STATE, SITE_XPOS,
+) = range(MEMBERS + len(MODEL_MEMBERS), MEMBERS + len(MODEL_MEMBERS) + len(DATA_MEMBERS))  # fmt: skip
 
 LARGE = 512
 """Rows of a mesh's arrays up to which all are hashed at every call, and words that are hashed of more."""
@@ -94,7 +103,7 @@ WARN_BADQACC = 5
 WARNED_BODY = 1_000_000  # added to the body's id, where MuJoCo's own warning has a dof
 
 root = np.zeros(MEMBERS + len(MODEL_MEMBERS) + len(DATA_MEMBERS), dtype=np.int64)
-_root = symbol("mjskip_plugin_root", root.ctypes.data)
+root_address = symbol("mjskip_plugin_root", root.ctypes.data)
 
 for _name in ("mju_error", "mj_warning"):
     binding.add_symbol(_name, ctypes.cast(getattr(library, _name), ctypes.c_void_p).value)
@@ -138,19 +147,19 @@ def byte_at(typingctx: Any, address: Any) -> Any:
 
 
 @kernel
-def _size(table: Any, owner: int, member: int) -> Any:
+def size(table: Any, owner: int, member: int) -> Any:
     """A member that is a size."""
     return as_words(owner + table[member])[0]
 
 
 @kernel
-def _ints(table: Any, owner: int, member: int) -> Any:
+def ints(table: Any, owner: int, member: int) -> Any:
     """A member that points to 32-bit integers."""
     return as_ints(as_words(owner + table[member])[0])
 
 
 @kernel
-def _doubles(table: Any, owner: int, member: int) -> Any:
+def doubles(table: Any, owner: int, member: int) -> Any:
     """A member that points to doubles."""
     return as_doubles(as_words(owner + table[member])[0])
 
@@ -193,20 +202,20 @@ def _hash_items(
 @kernel
 def _carries(table: Any, model: int, body: int) -> Any:
     """Whether a body carries this plugin, by whichever instance."""
-    instance = _ints(table, model, BODY_PLUGIN)[body]
-    return instance >= 0 and _ints(table, model, PLUGIN)[instance] == table[SLOT]
+    instance = ints(table, model, BODY_PLUGIN)[body]
+    return instance >= 0 and ints(table, model, PLUGIN)[instance] == table[SLOT]
 
 
 @kernel
 def _text_end(table: Any, model: int, instance: int) -> Any:
     """Where the texts of an instance's configuration end in plugin_attr."""
-    if instance + 1 == _size(table, model, NPLUGIN):
-        return _size(table, model, NPLUGINATTR)
-    return _ints(table, model, PLUGIN_ATTRADR)[instance + 1]
+    if instance + 1 == size(table, model, NPLUGIN):
+        return size(table, model, NPLUGINATTR)
+    return ints(table, model, PLUGIN_ATTRADR)[instance + 1]
 
 
 @kernel
-def _wets_below(table: Any, model: int, instance: int) -> bool:
+def wets_below(table: Any, model: int, instance: int) -> bool:
     """Whether an instance wets what moves below its bodies too: the last of its texts is not "this"."""
     end = as_words(model + table[PLUGIN_ATTR])[0] + _text_end(table, model, instance)
     return not (
@@ -216,16 +225,16 @@ def _wets_below(table: Any, model: int, instance: int) -> bool:
 
 
 @kernel
-def _is_head(table: Any, model: int, body: int, instance: int, below: bool) -> Any:
+def is_head(table: Any, model: int, body: int, instance: int, below: bool) -> Any:
     """Whether a body is one that an instance wets, with what is welded to it."""
-    if _ints(table, model, BODY_PLUGIN)[body] == instance:
+    if ints(table, model, BODY_PLUGIN)[body] == instance:
         return True
-    if not below or _ints(table, model, BODY_JNTNUM)[body] == 0:
+    if not below or ints(table, model, BODY_JNTNUM)[body] == 0:
         return False
-    parent = _ints(table, model, BODY_PARENTID)
+    parent = ints(table, model, BODY_PARENTID)
     while body > 0:
         if _carries(table, model, body):
-            return _ints(table, model, BODY_PLUGIN)[body] == instance
+            return ints(table, model, BODY_PLUGIN)[body] == instance
         body = parent[body]
     return False
 
@@ -233,7 +242,7 @@ def _is_head(table: Any, model: int, body: int, instance: int, below: bool) -> A
 @kernel
 def _belongs(table: Any, model: int, body: int, head: int) -> bool:
     """Whether a body below a head is welded to it, and carries no plugin of its own."""
-    weld, parent = _ints(table, model, BODY_WELDID), _ints(table, model, BODY_PARENTID)
+    weld, parent = ints(table, model, BODY_WELDID), ints(table, model, BODY_PARENTID)
     if weld[body] != weld[head]:
         return False
     while body != head:
@@ -246,12 +255,12 @@ def _belongs(table: Any, model: int, body: int, head: int) -> bool:
 @kernel
 def _content(table: Any, model: int, head: int, instance: int) -> int:
     """Hash of all that a head's record is made from; never 0."""
-    begin = _ints(table, model, PLUGIN_ATTRADR)[instance]
+    begin = ints(table, model, PLUGIN_ATTRADR)[instance]
     end = _text_end(table, model, instance)
     key = _hash_items(table, model, PLUGIN_ATTR, begin, 1, end - begin, 1)
     key = _hash(model + table[GRAVITY], 24, key)
-    parent = _ints(table, model, BODY_PARENTID)
-    last = _size(table, model, NBODY)
+    parent = ints(table, model, BODY_PARENTID)
+    last = size(table, model, NBODY)
     body = head
     while True:
         if body == head or _belongs(table, model, body, head):
@@ -272,29 +281,29 @@ def _body_content(table: Any, model: int, body: int, head: int, key: int) -> int
     key = _hash_items(table, model, BODY_IPOS, body, 24, 1, key)
     key = _hash_items(table, model, BODY_IQUAT, body, 32, 1, key)
     key = _hash_items(table, model, BODY_INERTIA, body, 24, 1, key)
-    first = _ints(table, model, BODY_GEOMADR)[body]
-    for geom in range(first, first + _ints(table, model, BODY_GEOMNUM)[body]):
-        kind = _ints(table, model, GEOM_TYPE)[geom]
+    first = ints(table, model, BODY_GEOMADR)[body]
+    for geom in range(first, first + ints(table, model, BODY_GEOMNUM)[body]):
+        kind = ints(table, model, GEOM_TYPE)[geom]
         collides = (
-            _ints(table, model, GEOM_CONTYPE)[geom] != 0
-            or _ints(table, model, GEOM_CONAFFINITY)[geom] != 0
+            ints(table, model, GEOM_CONTYPE)[geom] != 0
+            or ints(table, model, GEOM_CONAFFINITY)[geom] != 0
         )
-        sort = kind + 64 * _ints(table, model, GEOM_GROUP)[geom] + (32 if collides else 0)
+        sort = kind + 64 * ints(table, model, GEOM_GROUP)[geom] + (32 if collides else 0)
         key = _hash_items(table, model, GEOM_SIZE, geom, 24, 1, key ^ sort)
         key = _hash_items(table, model, GEOM_POS, geom, 24, 1, key)
         key = _hash_items(table, model, GEOM_QUAT, geom, 32, 1, key)
-        name = as_words(model + table[NAMES])[0] + _ints(table, model, NAME_GEOMADR)[geom]
+        name = as_words(model + table[NAMES])[0] + ints(table, model, NAME_GEOMADR)[geom]
         length = 0
         while byte_at(name + length) != 0:
             length += 1
         key = _hash(name, length, key)
         if kind == GEOM_MESH:
-            mesh = _ints(table, model, GEOM_DATAID)[geom]
-            at = _ints(table, model, MESH_VERTADR)[mesh]
-            count = _ints(table, model, MESH_VERTNUM)[mesh]
+            mesh = ints(table, model, GEOM_DATAID)[geom]
+            at = ints(table, model, MESH_VERTADR)[mesh]
+            count = ints(table, model, MESH_VERTNUM)[mesh]
             key = _hash_large(table, model, MESH_VERT, at, count, key)
-            at = _ints(table, model, MESH_FACEADR)[mesh]
-            count = _ints(table, model, MESH_FACENUM)[mesh]
+            at = ints(table, model, MESH_FACEADR)[mesh]
+            count = ints(table, model, MESH_FACENUM)[mesh]
             key = _hash_large(table, model, MESH_FACE, at, count, key)
     return key
 
@@ -315,15 +324,15 @@ def _hash_large(table: Any, model: int, member: int, first: int, count: int, key
 @kernel
 def _is_large(table: Any, model: int, head: int) -> bool:
     """Whether not all of a head's meshes are hashed at every call."""
-    parent = _ints(table, model, BODY_PARENTID)
-    body, last = head, _size(table, model, NBODY)
+    parent = ints(table, model, BODY_PARENTID)
+    body, last = head, size(table, model, NBODY)
     while True:
-        first = _ints(table, model, BODY_GEOMADR)[body]
-        for geom in range(first, first + _ints(table, model, BODY_GEOMNUM)[body]):
-            mesh = _ints(table, model, GEOM_DATAID)[geom]
-            if _ints(table, model, GEOM_TYPE)[geom] == GEOM_MESH and (
-                _ints(table, model, MESH_VERTNUM)[mesh] > LARGE
-                or _ints(table, model, MESH_FACENUM)[mesh] > LARGE
+        first = ints(table, model, BODY_GEOMADR)[body]
+        for geom in range(first, first + ints(table, model, BODY_GEOMNUM)[body]):
+            mesh = ints(table, model, GEOM_DATAID)[geom]
+            if ints(table, model, GEOM_TYPE)[geom] == GEOM_MESH and (
+                ints(table, model, MESH_VERTNUM)[mesh] > LARGE
+                or ints(table, model, MESH_FACENUM)[mesh] > LARGE
             ):
                 return True
         body += 1
@@ -357,7 +366,7 @@ def _ask(
 
 
 @kernel
-def _load(table: Any, model: int, data: int, body: int, instance: int, scratch: int) -> Any:
+def load_body(table: Any, model: int, data: int, body: int, instance: int, scratch: int) -> Any:
     """Pose and wrench of a body to scratch; the address of its record, 0 if there is no force.
 
     scratch: state (18), wrench (12), request (6), readings (5), of `wet_load`.
@@ -372,9 +381,9 @@ def _load(table: Any, model: int, data: int, body: int, instance: int, scratch: 
     total = np.nan
     if record != CANNOT:
         known = as_doubles(record)
-        place, rotation = _doubles(table, data, XPOS), _doubles(table, data, XMAT)
-        moving, origin = _doubles(table, data, CVEL), _doubles(table, data, SUBTREE_COM)
-        tree = _ints(table, model, BODY_ROOTID)[body]
+        place, rotation = doubles(table, data, XPOS), doubles(table, data, XMAT)
+        moving, origin = doubles(table, data, CVEL), doubles(table, data, SUBTREE_COM)
+        tree = ints(table, model, BODY_ROOTID)[body]
         cx, cy, cz = known[CENTRE], known[CENTRE + 1], known[CENTRE + 2]
         for i in range(9):
             state[3 + i] = rotation[9 * body + i]
@@ -392,7 +401,7 @@ def _load(table: Any, model: int, data: int, body: int, instance: int, scratch: 
         state[13] = moving[6 * body + 4] + (wz * rx - wx * rz)
         state[14] = moving[6 * body + 5] + (wx * ry - wy * rx)
         state[15], state[16], state[17] = wx, wy, wz
-        weights = _doubles(table, model, BODY_INVWEIGHT0)
+        weights = doubles(table, model, BODY_INVWEIGHT0)
         needed = wet_load(
             table[WRENCH], record, scratch, scratch + 8 * AT_WRENCH, scratch + 8 * AT_LOAD,
             as_doubles(model + table[TIMESTEP])[0], -as_doubles(model + table[GRAVITY])[2],
@@ -408,27 +417,53 @@ def _load(table: Any, model: int, data: int, body: int, instance: int, scratch: 
             total += wrench[i]
     if np.isfinite(total):
         return record
-    mj_warning(data, WARN_BADQACC, WARNED_BODY + body)
+    warn(data, body)
     return 0
 
 
 @kernel
-def _push(table: Any, model: int, data: int, body: int, scratch: int) -> None:
+def warn(data: int, body: int) -> None:
+    """Count a force that is not finite as a warning of MuJoCo's."""
+    mj_warning(data, WARN_BADQACC, WARNED_BODY + body)
+
+
+@kernel
+def _surface(table: Any, model: int, instance: int, request: int) -> Any:
+    """Address of the record of an instance's surface; DRY if it is still water that shows nothing."""
+    begin = ints(table, model, PLUGIN_ATTRADR)[instance]
+    end = _text_end(table, model, instance)
+    key = _hash_items(table, model, PLUGIN_ATTR, begin, 1, end - begin, 2)
+    key = _hash(model + table[GRAVITY], 24, key)
+    key = key if key != 0 else 1
+    found = _look_up(table, key)
+    if found == -1:
+        found = _ask(table, model, SURFACE, -1, instance, key, request)
+    return found
+
+
+@kernel
+def _moves(surface: int) -> bool:
+    """Whether a surface is one that moves."""
+    return surface > DRY and as_doubles(surface)[MOVES] > 0.0
+
+
+@kernel
+def push(table: Any, model: int, data: int, body: int, scratch: int) -> None:
     """qfrc_passive += J'w: the wrench about the body's centre of mass, on every dof that moves it."""
     state, wrench = as_doubles(scratch), as_doubles(scratch + 8 * AT_WRENCH)
     fx, fy, fz = wrench[0] + wrench[6], wrench[1] + wrench[7], wrench[2] + wrench[8]
-    tree = 3 * _ints(table, model, BODY_ROOTID)[body]
-    origin = _doubles(table, data, SUBTREE_COM)  # about which MuJoCo keeps the motion of a tree
+    tree = 3 * ints(table, model, BODY_ROOTID)[body]
+    origin = doubles(table, data, SUBTREE_COM)  # about which MuJoCo keeps the motion of a tree
     rx, ry, rz = state[0] - origin[tree], state[1] - origin[tree + 1], state[2] - origin[tree + 2]
     tx = wrench[3] + wrench[9] + (ry * fz - rz * fy)
     ty = wrench[4] + wrench[10] + (rz * fx - rx * fz)
     tz = wrench[5] + wrench[11] + (rx * fy - ry * fx)
-    count, parent = _ints(table, model, BODY_DOFNUM), _ints(table, model, BODY_PARENTID)
+    count, parent = ints(table, model, BODY_DOFNUM), ints(table, model, BODY_PARENTID)
     while body > 0 and count[body] == 0:
         body = parent[body]
-    dof = _ints(table, model, BODY_DOFADR)[body] + count[body] - 1 if body > 0 else -1
-    above, axis = _ints(table, model, DOF_PARENTID), _doubles(table, data, CDOF)
-    out = _doubles(table, data, QFRC_PASSIVE)
+    dof = ints(table, model, BODY_DOFADR)[body] + count[body] - 1 if body > 0 else -1
+    above, axis = ints(table, model, DOF_PARENTID), doubles(table, data, CDOF)
+    out = doubles(table, data, QFRC_PASSIVE)
     while dof >= 0:
         k = 6 * dof
         out[dof] += (
@@ -442,14 +477,14 @@ def _push(table: Any, model: int, data: int, body: int, scratch: int) -> None:
 def _sense(table: Any, model: int, data: int, instance: int, sensor: int, scratch: int) -> None:
     """One sensor: its readings of every wet body of the instance in turn."""
     wrench, seen = as_doubles(scratch + 8 * AT_WRENCH), as_doubles(scratch + 8 * AT_SEEN)
-    out = as_words(data + table[SENSORDATA])[0] + 8 * _ints(table, model, SENSOR_ADR)[sensor]
+    out = as_words(data + table[SENSORDATA])[0] + 8 * ints(table, model, SENSOR_ADR)[sensor]
     reading = as_doubles(out)
-    below = _wets_below(table, model, instance)
+    below = wets_below(table, model, instance)
     at = 0
-    for body in range(1, _size(table, model, NBODY)):
-        if not _is_head(table, model, body, instance, below):
+    for body in range(1, size(table, model, NBODY)):
+        if not is_head(table, model, body, instance, below):
             continue
-        record = _load(table, model, data, body, instance, scratch)
+        record = load_body(table, model, data, body, instance, scratch)
         for i in range(6):
             reading[at + i] = wrench[i] + wrench[6 + i] if record != 0 else 0.0
         if record != 0:
@@ -460,30 +495,32 @@ def _sense(table: Any, model: int, data: int, instance: int, sensor: int, scratc
 
 
 def nstate(model: int, instance: int) -> int:
-    """No state: it is all in the model and in the data."""
-    return 0
+    """Doubles of state: of a surface that moves, its window and loads; of still water none."""
+    request = stack_doubles(REQUEST)
+    found: int = _ask(as_words(root_address()), model, STATE_SIZE, -1, instance, 0, request)
+    return found
 
 
 def nsensordata(model: int, instance: int, sensor: int) -> int:
     """Numbers that a sensor shows: READING for every wet body of the instance."""
-    table = as_words(_root())
-    below = _wets_below(table, model, instance)
+    table = as_words(root_address())
+    below = wets_below(table, model, instance)
     count = 0
-    for body in range(1, _size(table, model, NBODY)):
-        if _is_head(table, model, body, instance, below):
+    for body in range(1, size(table, model, NBODY)):
+        if is_head(table, model, body, instance, below):
             count += READING
     return count
 
 
 def init(model: int, data: int, instance: int) -> int:
     """Called for every new MjData, and so by the compiler: look at the configuration, build the records."""
-    table = as_words(_root())
+    table = as_words(root_address())
     request = stack_doubles(REQUEST)
     _ask(table, model, CONFIGURATION, -1, instance, 0, request)
-    below = _wets_below(table, model, instance)
+    below = wets_below(table, model, instance)
     built = False
-    for body in range(1, _size(table, model, NBODY)):
-        if as_words(request)[MESSAGE] == 0 and _is_head(table, model, body, instance, below):
+    for body in range(1, size(table, model, NBODY)):
+        if as_words(request)[MESSAGE] == 0 and is_head(table, model, body, instance, below):
             key = _content(table, model, body, instance)
             known = _look_up(table, key)
             if known <= 0:
@@ -500,22 +537,55 @@ def init(model: int, data: int, instance: int) -> int:
 
 
 def reset(model: int, state: int, stored: int, instance: int) -> None:
-    """Nothing to reset."""
+    """Still water: also when a keyframe is loaded, since MuJoCo resets first."""
+    surface = _surface(as_words(root_address()), model, instance, stack_doubles(REQUEST))
+    if _moves(surface):
+        numbers = as_doubles(state)
+        for i in range(int(as_doubles(surface)[STATE_DOUBLES])):
+            numbers[i] = 0.0
 
 
 def compute(model: int, data: int, instance: int, capability: int) -> None:
     """The wrench of water and air on every wet body of the instance: as a force, or as sensors show it."""
-    table = as_words(_root())
+    table = as_words(root_address())
     scratch = stack_doubles(LOAD_SCRATCH)
+    surface = _surface(table, model, instance, scratch)
+    if _moves(surface):
+        arguments = as_words(scratch)
+        arguments[0], arguments[1], arguments[2] = instance, capability, surface
+        call_address(table[MOVING_COMPUTE], model, data, scratch)
+        return
     if capability & PASSIVE:
-        below = _wets_below(table, model, instance)
-        awake = _ints(table, data, BODY_AWAKE)
-        for body in range(1, _size(table, model, NBODY)):
-            mine = awake[body] != ASLEEP and _is_head(table, model, body, instance, below)
-            if mine and _load(table, model, data, body, instance, scratch) != 0:
-                _push(table, model, data, body, scratch)
+        below = wets_below(table, model, instance)
+        awake = ints(table, data, BODY_AWAKE)
+        for body in range(1, size(table, model, NBODY)):
+            mine = awake[body] != ASLEEP and is_head(table, model, body, instance, below)
+            if mine and load_body(table, model, data, body, instance, scratch) != 0:
+                push(table, model, data, body, scratch)
     if capability & SENSOR:
-        plugin = _ints(table, model, SENSOR_PLUGIN)
-        for sensor in range(_size(table, model, NSENSOR)):
+        plugin = ints(table, model, SENSOR_PLUGIN)
+        for sensor in range(size(table, model, NSENSOR)):
             if plugin[sensor] == instance:
                 _sense(table, model, data, instance, sensor, scratch)
+
+
+def advance(model: int, data: int, instance: int) -> None:
+    """Step a surface that moves, once after every step of MuJoCo's."""
+    table = as_words(root_address())
+    scratch = stack_doubles(REQUEST)
+    surface = _surface(table, model, instance, scratch)
+    if _moves(surface):
+        arguments = as_words(scratch)
+        arguments[0], arguments[2] = instance, surface
+        call_address(table[MOVING_ADVANCE], model, data, scratch)
+
+
+def visualize(model: int, data: int, option: int, scene: int, instance: int) -> None:
+    """Put a surface that moves, and force arrows if asked for, into a scene of MuJoCo's."""
+    table = as_words(root_address())
+    scratch = stack_doubles(REQUEST)
+    surface = _surface(table, model, instance, scratch)
+    if surface > DRY:
+        arguments = as_words(scratch)
+        arguments[0], arguments[2], arguments[3] = instance, surface, scene
+        call_address(table[MOVING_DRAW], model, data, scratch)

@@ -100,6 +100,11 @@ def _measure(kind: Any) -> tuple[int, int]:
     return 4, 4  # an enum
 
 
+def size_of(struct: str) -> int:
+    """Size of one of MuJoCo's structs [bytes]."""
+    return _lay_out(STRUCTS[struct].fields)[1]
+
+
 def option_offset(name: str) -> int:
     """Where in mjModel its options have a member [bytes]."""
     return members("mjModel")["opt"].offset + members("mjOption")[name].offset

@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from mjskip._typing import Array
-from mjskip.checks import check_type
+from mjskip.checks import check_type, fault
 from mjskip.coupling import callback
 from mjskip.coupling.bodies import body_name, find_body
 from mjskip.coupling.plugin import plugin_water
@@ -358,6 +358,7 @@ def attach(
     interior: Interior = "flooded",
     strict: bool = False,
     native: bool = True,
+    surface: str = "still",
 ) -> Coupling:
     """Let still water (z = 0) and air act on bodies of a model.
 
@@ -383,6 +384,8 @@ def attach(
         strict: refuse open meshes; otherwise their convex hull is taken, with a warning each.
         native: False installs a callback in plain Python, for teaching and tests: far slower, and no model can
             be compiled, nor threads be used, while it is there.
+        surface: "still": water that moves is state of MjData, which only the plugin of a model can have; see
+            `mjskip.add_water`.
 
     Returns:
         The coupling. It acts at once, until it is closed or left as a context; both raise if a force was not
@@ -394,6 +397,11 @@ def attach(
         MeshError: a mesh geom is not closed (strict).
         ValueError: an argument is of no kind that is allowed.
     """
+    if surface != "still":
+        raise fault(
+            "surface", surface, "attach() has still water; for water that moves use mjskip.add_water(spec, "
+            f"surface={surface!r}) before the model is compiled"
+        )  # fmt: skip
     options = HullOptions(
         resolution=resolution, max_faces=max_faces, interior=interior, strict=strict
     )

@@ -17,8 +17,21 @@ fields of `Water`, and
     geoms       all | collision | group 3 | names; the colliding ones of every body, or all, if not given
     bodies      tree (default) | this: not what moves below
     resolution, max_faces, interior, strict    see `mjskip.attach`
+    surface     still (default) | waves (equation 5) | deep (real waves); the keys below are of those that move
+    size        width of the square of water that follows the instance's bodies and that waves leave [m]
+    spacing     of its cells [m]
+    depth, tension      of `deep` [m, N/m]
+    wave_speed          of `waves` [m/s]
+    damping     mu of equation (5) [1/s]
+    load_radius of the bumps that spread the load of a face [m]
+    arrows      length of force arrows that every viewer shows [m/N]; none if not given
 
-A sensor shows force (3) [N] and torque (3) [N m] of water and air, world frame, about the centre of mass, and wetted
+Water that moves is state of MjData (`plugin_state`): `mj_step` alone moves it. It is not for laws that pull along a
+face; its faces are loaded while they advance against the surface, whatever the gate; buoyancy and skin friction are
+those of still water.
+
+A sensor with objtype="site" and objname shows level [m] and vertical speed [m/s] of moving water at a site, then
+zeros. Another shows force (3) [N] and torque (3) [N m] of water and air, world frame, about the centre of mass, and wetted
 area [m^2], of every wet body of the instance in turn.
 """
 
@@ -44,20 +57,23 @@ from mjskip.coupling import _record_kernels as loads
 from mjskip.coupling import _struct_layout as _layout
 from mjskip.coupling._struct_layout import library
 from mjskip.coupling.bodies import SOLIDS, body_name, geom_name, kind_name
+from mjskip.coupling.moving_water import MovingWater, moving_functions
 from mjskip.coupling.records import doubts, make_record, too_large_step
 from mjskip.coupling.selection import GeomRule, WetBody, geom_rule, wet_body
-from mjskip.coupling.wet import BuiltHull, HullOptions, hull_of, inertia_of
+from mjskip.coupling.wet import BuiltHull, HullOptions, Inertia, hull_of, inertia_of
 from mjskip.errors import MjskipError, MjskipWarning, SceneError
 from mjskip.hydro.water import Water
 from mjskip.hydro.wrench import immersion_address, pack, wrench_address
+from mjskip.waves.coupling import check_law
 
 NAME = "mjskip.water"
 WATER_KEYS = tuple(field.name for field in fields(Water))
 HULL_KEYS = tuple(field.name for field in fields(HullOptions))
-KEYS = (*WATER_KEYS, "preset", *HULL_KEYS, "geoms", "bodies")
+SURFACE_KEYS = tuple(field.name for field in fields(MovingWater))
+KEYS = (*WATER_KEYS, "preset", *HULL_KEYS, *SURFACE_KEYS, "geoms", "bodies")
 """In the order of MuJoCo's texts; compiled code looks at the last one."""
 SWITCHES = {f.name for f in (*fields(Water), *fields(HullOptions)) if f.type in (bool, "bool")}
-NUMBERS = {f.name for f in fields(Water) if f.type in (float, "float")}
+NUMBERS = {f.name for f in (*fields(Water), *fields(MovingWater)) if f.type in (float, "float")}
 COUNTS = {f.name for f in fields(HullOptions) if f.type in (int, "int")}
 PRESETS = ("floating",)
 
@@ -102,6 +118,29 @@ def plugin_options(model: mujoco.MjModel, body: int) -> HullOptions:
     while int(model.body_plugin[carrier]) < 0 and carrier > 0:
         carrier = int(model.body_parentid[carrier])
     return _configured(_layout.ModelView(model._address), int(model.body_plugin[carrier])).options
+
+
+def instance_options(model: mujoco.MjModel, instance: int) -> tuple[MovingWater, Water, float]:
+    """The surface and the fluid of an instance of a compiled model, and its gravity downwards [m/s^2]."""
+    told = _configured(_layout.ModelView(model._address), instance)
+    return told.surface, told.water, float(-model.opt.gravity[2])
+
+
+def plugin_bodies(
+    model: mujoco.MjModel,
+) -> list[tuple[WetBody, Inertia, BuiltHull, Water]]:
+    """The bodies that the plugin wets in a compiled model, what they are to it, and their fluid."""
+    view, slot, found = _layout.ModelView(model._address), _slot(), []
+    for instance in range(model.nplugin):
+        if slot < 0 or model.plugin[instance] != slot:
+            continue
+        told = _configured(view, instance)
+        for body in _heads(view, instance, told):
+            wet = _wet(view, body, told)
+            if wet.geoms:
+                inertia = inertia_of(view, body, wet.members)
+                found.append((wet, inertia, hull_of(view, wet, told.options, inertia), told.water))
+    return found
 
 
 def _slot() -> int:
@@ -150,6 +189,8 @@ def _describe() -> _Plugin:
         "init": native(i4(i8, i8, i4))(kernels.init),
         "reset": native(nothing(i8, i8, i8, i4))(kernels.reset),
         "compute": native(nothing(i8, i8, i4, i4))(kernels.compute),
+        "advance": native(nothing(i8, i8, i4))(kernels.advance),
+        "visualize": native(nothing(i8, i8, i8, i8, i4))(kernels.visualize),
     }
     plugin = _Plugin(
         name=NAME.encode(),
@@ -174,6 +215,12 @@ def _fill_root() -> None:
     root[kernels.TABLE] = _records.table.ctypes.data
     root[kernels.GRAVITY] = _layout.option_offset("gravity")
     root[kernels.TIMESTEP] = _layout.option_offset("timestep")
+    root[kernels.INTEGRATOR] = _layout.option_offset("integrator")
+    scene = _layout.members("mjvScene")
+    root[kernels.SCENE_MAXGEOM] = scene["maxgeom"].offset
+    root[kernels.SCENE_NGEOM] = scene["ngeom"].offset
+    root[kernels.SCENE_GEOMS] = scene["geoms"].offset
+    root[kernels.GEOM_BYTES] = _layout.size_of("mjvGeom")
     model, data = _layout.members("mjModel"), _layout.members("mjData")
     root[kernels.MEMBERS :] = [
         *(model[name].offset for name in kernels.MODEL_MEMBERS),
@@ -191,12 +238,12 @@ class _Kept:
     """A record with what it points to, and the hull it was made of."""
 
     record: npt.NDArray[np.float64]
-    block: npt.NDArray[np.float64]
-    built: BuiltHull
+    blocks: tuple[npt.NDArray[np.float64], ...] = ()
+    built: BuiltHull | None = None
 
     @property
     def nbytes(self) -> int:
-        return self.record.nbytes + self.block.nbytes
+        return self.record.nbytes + sum(block.nbytes for block in self.blocks)
 
 
 class _Records:
@@ -275,9 +322,14 @@ def _answer(model: int, address: int, _unused: int) -> None:
             return
         told = _configured(view, instance)
         if what == kernels.CONFIGURATION:
-            _check_sensors(view, instance)
+            _check_sensors(view, instance, told)
         elif what == kernels.DOUBTS:
             _say_doubts(view, instance, told)
+        elif what == kernels.STATE_SIZE:
+            request[kernels.ANSWER] = told.surface.state_size
+        elif what == kernels.SURFACE:
+            with _lock:
+                request[kernels.ANSWER] = _find_surface(view, told, key)
         else:
             with _lock:
                 request[kernels.ANSWER] = _find_record(view, body, told, key, what)
@@ -287,7 +339,10 @@ def _answer(model: int, address: int, _unused: int) -> None:
         _messages.append(message)
         request[kernels.MESSAGE] = ctypes.addressof(message)
         with _lock:
-            if what in (kernels.HULL, kernels.FRESH_HULL) and key not in _records.made:
+            if (
+                what in (kernels.HULL, kernels.FRESH_HULL, kernels.SURFACE)
+                and key not in _records.made
+            ):
                 _records.add(key, kernels.CANNOT)
 
 
@@ -307,7 +362,26 @@ def _find_record(view: Any, body: int, told: _Told, key: int, what: int) -> int:
         return _records.add(key, kernels.DRY)
     block = pack(built.hull, told.water, gravity=float(-view.gravity[2]))
     record = make_record(built.hull, told.water, inertia, block)
-    return _records.add(key, _Kept(record=record, block=block, built=built))
+    blocks: tuple[npt.NDArray[np.float64], ...] = (block,)
+    if told.surface.moves:
+        split, block[:] = told.surface.split(block)
+        record = np.append(record, np.array([split.ctypes.data], np.int64).view(np.float64))
+        blocks += (split,)
+    return _records.add(key, _Kept(record=record, blocks=blocks, built=built))
+
+
+def _find_surface(view: Any, told: _Told, key: int) -> int:
+    """What the table has for an instance's surface, made now if need be."""
+    known = _records.made.get(key)
+    if known is None:
+        if not (told.surface.moves or told.surface.arrows):
+            return _records.add(key, kernels.DRY)
+        where = (kernels.MOVING_COMPUTE, kernels.MOVING_ADVANCE, kernels.MOVING_DRAW)
+        kernels.root[list(where)] = moving_functions()
+        gravity = float(-view.gravity[2])
+        record = told.surface.record(density=told.water.density, gravity=gravity)
+        return _records.add(key, _Kept(record=record))
+    return known if isinstance(known, int) else int(known.record.ctypes.data)
 
 
 def _wet(view: Any, body: int, told: _Told) -> WetBody:
@@ -396,6 +470,7 @@ class _Told:
 
     water: Water
     options: HullOptions
+    surface: MovingWater
     geoms: str
     below: bool
 
@@ -415,9 +490,14 @@ def _configured(view: _layout.ModelView, instance: int) -> _Told:
                 raise ValueError(f"{key} is {given[key]!r}: use one of {', '.join(allowed)}")
         own = {k: _value(k, t) for k, t in given.items() if k in WATER_KEYS}
         hull = {k: _value(k, t) for k, t in given.items() if k in HULL_KEYS}
+        moving = MovingWater(**{k: _value(k, t) for k, t in given.items() if k in SURFACE_KEYS})
+        water = Water.floating(**own) if "preset" in given else Water(**own)
+        if moving.moves:
+            check_law(water.law)
         return _Told(
-            water=Water.floating(**own) if "preset" in given else Water(**own),
+            water=water,
             options=HullOptions(**hull),
+            surface=moving,
             geoms=given.get("geoms", ""),
             below=given.get("bodies", "tree") == "tree",
         )
@@ -425,12 +505,15 @@ def _configured(view: _layout.ModelView, instance: int) -> _Told:
         raise ValueError(f"{who}: {error}") from error
 
 
-def _check_sensors(view: _layout.ModelView, instance: int) -> None:
+def _check_sensors(view: _layout.ModelView, instance: int, told: _Told) -> None:
     """MuJoCo asks for a sensor's size before it says which object the sensor names."""
-    if view.sensor_objtype[view.sensor_plugin == instance].any():
+    kinds = view.sensor_objtype[view.sensor_plugin == instance]
+    site = int(mujoco.mjtObj.mjOBJ_SITE)
+    if (kinds[kinds != site]).any() or ((kinds == site).any() and not told.surface.moves):
         raise ValueError(
             f"plugin {NAME}: a sensor shows every body of its instance in turn; leave out objtype and "
-            "objname, and give a body an instance of its own for a sensor of its own"
+            "objname, and give a body an instance of its own for a sensor of its own; over water that moves "
+            'objtype="site" shows its level at a site'
         )
 
 

@@ -52,7 +52,7 @@ def count_skips(
                 contact[row] += timestep
                 dry[row] += timestep
                 if dry[row] >= min_airtime * (1.0 - 1e-9):
-                    skips[row] += 1.0
+                    skips[row] += 1
                     contact[row] = 0.0
 
 

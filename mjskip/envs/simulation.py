@@ -12,6 +12,7 @@ import numpy.typing as npt
 Rows = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
+NONE: Rows = np.empty(0, np.int64)
 DIVERGED = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADQACC) + 1)
 """Counters of positions, velocities and accelerations that were not finite."""
 
@@ -37,8 +38,8 @@ class Simulation(Protocol):
         None if `sensor` is negative.
         """
 
-    def lost(self, rows: Rows) -> Flags:
-        """Whether a row has diverged since it began: MuJoCo counts it, and begins it anew or stops it."""
+    def lost(self, rows: Rows) -> Rows:
+        """Rows that have diverged since they began: MuJoCo counts it, and begins them anew or stops them."""
 
     def model(self, row: int) -> mujoco.MjModel:
         """The model of one row."""
@@ -85,9 +86,10 @@ class Single:
             above[0, k] = sensors[sensor] > 0.0
         return above
 
-    def lost(self, rows: Rows) -> Flags:
-        """Whether it diverged."""
-        return np.array([self._warnings.any()])
+    def lost(self, rows: Rows) -> Rows:
+        """Its row if it diverged."""
+        item = self._warnings.item  # an array's any() takes longer than all else here
+        return rows if item(0) or item(1) or item(2) else NONE
 
     def model(self, row: int) -> mujoco.MjModel:
         """The model."""
@@ -134,9 +136,9 @@ class Many:
         recorded = self._batch.rollout(steps, record=("sensordata",), ids=ids)
         return np.asarray(recorded["sensordata"][:, :, sensor] > 0.0)
 
-    def lost(self, rows: Rows) -> Flags:
-        """Whether a row diverged."""
-        return np.asarray(self._warnings[rows].any(axis=1))
+    def lost(self, rows: Rows) -> Rows:
+        """Rows that diverged."""
+        return np.asarray(rows[self._warnings[rows].any(axis=1)])
 
     def model(self, row: int) -> mujoco.MjModel:
         """The model of one row."""

@@ -99,4 +99,4 @@ class Task(ABC):
 
     @abstractmethod
     def info(self) -> Mapping[str, npt.NDArray[Any]]:
-        """Numbers about every row, (count, ...)."""
+        """Numbers about every row (count,), by name: arrays that stay, whose contents change."""

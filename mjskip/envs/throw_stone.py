@@ -126,7 +126,7 @@ class ThrowStoneTask(Task):
     def info(self) -> Mapping[str, npt.NDArray[Any]]:
         """Skips, distance [m], speed of the throw [m/s] and how long it was looked at [s]."""
         return {
-            "skips": self._thrown.skips.astype(np.int64),
+            "skips": self._thrown.skips,
             "distance": self._thrown.distance,
             "speed": self._speed,
             "time": self._time,

@@ -103,7 +103,7 @@ class ThrowerTask(Task):
     def info(self) -> Mapping[str, npt.NDArray[Any]]:
         """Skips, distance [m], time of release [s] and speed at release [m/s] (0 while the stone is held)."""
         return {
-            "skips": self._thrown.skips.astype(np.int64),
+            "skips": self._thrown.skips,
             "distance": self._thrown.distance,
             "release": self._released,
             "speed": self._speed,

@@ -29,7 +29,7 @@ class ThrownStones:
     def __init__(self, count: int, timestep: float, address: int) -> None:
         """`address`: where the stone's free joint begins in qpos."""
         self._timestep, self._address = timestep, address
-        self.skips, self.distance = np.zeros(count), np.zeros(count)
+        self.skips, self.distance = np.zeros(count, np.int64), np.zeros(count)
         self.free = np.zeros(count, np.bool_)
         self._contact, self._dry, self._counted = np.zeros(count), np.zeros(count), np.zeros(count)
         self._start, self._radius = np.zeros((count, 2)), np.zeros(count)
@@ -37,7 +37,7 @@ class ThrownStones:
     def begin(self, row: int, radius: float) -> None:
         """A new stone of this bounding radius [m], not let go yet."""
         for array in (self.skips, self.distance, self._contact, self._dry, self._counted):
-            array[row] = 0.0
+            array[row] = 0
         self.free[row], self._radius[row] = False, radius
 
     def let_go(self, row: int, qpos: Any) -> None:

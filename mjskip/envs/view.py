@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip.checks import check_count, fault
-from mjskip.draw.gl import offscreen
+from mjskip.draw.renderer import Renderer
 
 Image = npt.NDArray[np.uint8]
 
@@ -46,11 +46,9 @@ class View:
         if self._renderer is None or self._model is not model:
             self._free()
             _make_room(model, self._width, self._height)
-            with offscreen():
-                self._renderer = mujoco.Renderer(model, self._height, self._width)
+            self._renderer = Renderer(model, self._height, self._width)
             self._model = model
         self._renderer.update_scene(data, camera_of(model, self._camera))
-        add_surface(self._renderer.scene)
         return np.array(self._renderer.render())
 
     def show(self, model: mujoco.MjModel, data: mujoco.MjData, interval: float) -> None:

@@ -44,6 +44,7 @@ class Episodes:
             Single(task.model) if threads is None else Many(task.model, count, threads)
         )
         task.allocate(count)
+        self.info = task.info()
         space = task.observation_space
         self._low, self._high = space.low, space.high
         self._observation = np.zeros((count, *(space.shape or ())))
@@ -104,8 +105,8 @@ class Episodes:
         wet = simulation.advance(rows, task.frame_skip, self._sensor)
         task.judge(simulation, rows, wet, self.reward, self.over)
         lost = simulation.lost(rows)
-        if lost.any():
-            self.over[rows[lost]] = True
+        if len(lost):
+            self.over[lost] = True
 
     def observations(self) -> Array:
         """Of all rows, within the bounds (count, n)."""
@@ -235,7 +236,7 @@ class WaterEnv(gymnasium.Env[Array, npt.NDArray[np.float32]]):
         self._view.close()
 
     def _info(self) -> dict[str, Any]:
-        return {key: value[0].item() for key, value in self._episodes.task.info().items()}
+        return {key: value.item(0) for key, value in self._episodes.info.items()}
 
 
 class WaterVectorEnv(VectorEnv[Any, Any, Any]):
@@ -346,6 +347,6 @@ class WaterVectorEnv(VectorEnv[Any, Any, Any]):
         present = np.zeros(self.num_envs, np.bool_)
         present[rows] = True
         info: dict[str, Any] = {}
-        for key, value in self._episodes.task.info().items():
+        for key, value in self._episodes.info.items():
             info[key], info[f"_{key}"] = value.copy(), present
         return info

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Literal, get_args
 
 from mjskip.checks import check_choice, check_number, check_switch
@@ -75,7 +75,7 @@ class Water:
             unit = "m^2/s" if name == "viscosity" else "kg/m^3"
             number = check_number(name, getattr(self, name), low=0.0, unit=unit)
             object.__setattr__(self, name, number)
-        for name in ("buoyancy", "skin_friction", "quadrature"):
+        for name in SWITCHES:
             object.__setattr__(self, name, check_switch(name, getattr(self, name)))
         check_choice("gate", self.gate, GATES)
         check_choice("law", self.law, tuple(LAWS))
@@ -90,3 +90,7 @@ class Water:
             raise ValueError(
                 "viscosity is 0 and skin_friction is on: give a viscosity above 0 [m^2/s]"
             )
+
+
+SWITCHES = tuple(each.name for each in fields(Water) if isinstance(each.default, bool))
+"""Fields of `Water` that are on or off."""

@@ -15,9 +15,9 @@ import numpy as np
 from mjskip.checks import check_positive
 from mjskip.errors import DivergedError, MjskipError, MjskipWarning
 from mjskip.hydro.stone import Stone
-from mjskip.hydro.water import Water
+from mjskip.hydro.water import SWITCHES, Water
 from mjskip.sweeps.batch import Air, throw_all
-from mjskip.sweeps.design import NAMED, STONE, SWITCHES, THROW, WATER, Design
+from mjskip.sweeps.design import NAMED, STONE, THROW, WATER, Design
 from mjskip.throws.recording import Limits
 from mjskip.throws.scene import Scene, load_scene
 from mjskip.throws.simulate import simulate
@@ -79,13 +79,12 @@ class Job:
     @property
     def base(self) -> dict[str, Any]:
         """Every parameter as it is before anything is varied."""
-        along = self.stone.vertices @ self.stone.disc_normal
         return {
             **{name: getattr(self.throw, name) for name in THROW},
             "radius": _reach(self.stone),
-            "thickness": float(np.ptp(along)),
+            "thickness": self.stone.thickness,
             "mass": self.stone.mass,
-            "stone_density": self.stone.mass / _volume(self.stone),
+            "stone_density": self.stone.mass / self.stone.volume,
             "water_density": self.water.density,
             "air_density": self.water.air_density,
             "viscosity": self.water.viscosity,
@@ -128,20 +127,8 @@ def _by_reference(job: Job, todo: list[Any], found: dict[str, Any], threads: int
         gravity=job.gravity, air=job.air, threads=threads,
     )  # fmt: skip
     lost = done.end == "diverged"
-    results = {
-        "skips": done.skips,
-        "touches": done.touches,
-        "time": done.time,
-        "distance": done.distance,
-        "drift": done.drift,
-        "depth": done.depth,
-        "first_entry": done.first_entry,
-        "first_exit": done.first_exit,
-        "exit_speed": np.linalg.norm(done.exit_velocity, axis=1),
-        "exit_climb": done.exit_velocity[:, 2],
-    }
-    for name, values in results.items():
-        found[name][rows] = np.where(lost, np.nan, values)
+    for name in RESULTS:
+        found[name][rows] = np.where(lost, np.nan, getattr(done, name))
     found["end"][rows] = done.end
     found["status"][rows] = np.where(lost, "diverged", "ok")
     for row, time, gone in zip(rows, done.time, lost, strict=True):
@@ -228,7 +215,7 @@ def scene_of(stone: Stone, *, gravity: tuple[float, float, float] = (0.0, 0.0, -
         return load_scene(file)
 
 
-def stretched(
+def scaled(
     stone: Stone,
     *,
     radius: float | None = None,
@@ -261,7 +248,7 @@ def stretched(
     stretch = high * along + wide * (np.eye(3) - along)
     new_mass = stone.mass * wide**2 * high
     if stone_density is not None:
-        new_mass = stone_density * _volume(stone) * wide**2 * high
+        new_mass = stone_density * stone.volume * wide**2 * high
     if mass is not None:
         new_mass = mass
     second = 0.5 * np.trace(stone.inertia) * np.eye(3) - stone.inertia
@@ -280,7 +267,7 @@ def _stone_of(stone: Stone, row: Mapping[str, Any], made: dict[tuple[Any, ...], 
     given = {name: row[name] for name in STONE if name in row}
     key = tuple(given.values())
     if key not in made:
-        made[key] = stretched(stone, **given) if given else stone
+        made[key] = scaled(stone, **given) if given else stone
     return made[key]
 
 
@@ -297,11 +284,6 @@ def _water_of(water: Water, row: Mapping[str, Any]) -> Water:
 def _reach(stone: Stone) -> float:
     along = np.outer(stone.vertices @ stone.disc_normal, stone.disc_normal)
     return float(np.linalg.norm(stone.vertices - along, axis=1).max())
-
-
-def _volume(stone: Stone) -> float:
-    a, b, c = np.moveaxis(stone.triangles, 1, 0)
-    return float(np.sum(a * np.cross(b, c)) / 6.0)
 
 
 def _line(error: Exception) -> str:

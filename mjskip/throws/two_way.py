@@ -53,6 +53,7 @@ class TwoWayIntegrator:
         gravity: float = 9.81,
         radius: float = LOAD_RADIUS,
         exact: bool = True,
+        longest_face: float = 1.0,
     ) -> None:
         """Stones as they leave the hand.
 
@@ -67,6 +68,7 @@ class TwoWayIntegrator:
             radius: of the bumps that spread loads [m].
             exact: whether the response is the window's own on its cells, with which energy closes to rounding, or
                 that of cells without end, which is found sooner.
+            longest_face: longest edge of a face, in radii; the plugin has 2.
 
         Raises:
             ValueError: a law that cannot be coupled, or a step too large for the window.
@@ -84,7 +86,7 @@ class TwoWayIntegrator:
         self.coupling = SurfaceCoupling(
             blocks, spacing=window.spacing, density=water.density, damping=window.damping, radius=radius,
             impulse=window.impulse() if exact else None,
-            profile=None if exact else window.profile(radius),
+            profile=None if exact else window.profile(radius), longest_face=longest_face,
         )  # fmt: skip
         self._others = [block.copy() for block in blocks]
         for block in self._others:  # what is left: air, buoyancy and skin friction

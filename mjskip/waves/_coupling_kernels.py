@@ -26,6 +26,8 @@ Blocks of bodies and their states are those of `mjskip.hydro._block`.
 import math
 from typing import Any
 
+import numpy as np
+
 from mjskip._compile.jit import kernel
 from mjskip.hydro import _block as hydro
 from mjskip.hydro._clip_kernels import immersed_part
@@ -60,12 +62,16 @@ MOST_SWEEPS = 1000
 @kernel
 def elevation(frame: Any, level: Any, x: float, y: float) -> float:
     """Level of the surface at a place, bilinear between cells; 0 outside the block."""
+    return _level_at(level, (x - frame[0]) / frame[SPACING], (y - frame[1]) / frame[SPACING])
+
+
+@kernel
+def _level_at(level: Any, east: float, north: float) -> float:
+    """The same at a place in cells from the first."""
     nx, ny = level.shape
-    east = (x - frame[0]) / frame[SPACING]
-    north = (y - frame[1]) / frame[SPACING]
     if not (0.0 <= east < nx - 1 and 0.0 <= north < ny - 1):
         return 0.0
-    i, j = int(east), int(north)
+    i, j = np.intp(east), np.intp(north)
     east -= i
     north -= j
     found: float = (1.0 - east) * ((1.0 - north) * level[i, j] + north * level[i, j + 1]) + (
@@ -104,6 +110,12 @@ def find_faces(
     wx = state[3] * state[15] + state[6] * state[16] + state[9] * state[17]
     wy = state[4] * state[15] + state[7] * state[16] + state[10] * state[17]
     wz = state[5] * state[15] + state[8] * state[16] + state[11] * state[17]
+    # from body axes to cells of the surface
+    d = 1.0 / frame[SPACING]
+    east, north = (state[0] - frame[0]) * d, (state[1] - frame[1]) * d
+    ex, ey, ez = state[3] * d, state[4] * d, state[5] * d
+    mx, my, mz = state[6] * d, state[7] * d, state[8] * d
+    turn = math.sqrt(wx * wx + wy * wy + wz * wz)
     n = int(block[hydro.STRIDE])
     for k in range(int(block[hydro.N_FACES])):
         a = hydro.HEADER + k
@@ -116,24 +128,34 @@ def find_faces(
         hr = z + ux * rx + uy * ry + uz * rz
         if not (hp < highest or hq < highest or hr < highest):
             continue
-        if highest > 0.0:
-            hp -= _level_under(state, frame, level, px, py, pz)
-            hq -= _level_under(state, frame, level, qx, qy, qz)
-            hr -= _level_under(state, frame, level, rx, ry, rz)
+        c = a + hydro.FACES * n
+        nx, ny, nz = block[c], block[c + n], block[c + 2 * n]
+        rise = frame[FASTEST] * abs(ux * nx + uy * ny + uz * nz)
+        if not forward:
+            # of the middle of the face, and of any place on it at most
+            c += hydro.ARM * n
+            advance = nx * bx + ny * by + nz * bz
+            advance += wx * block[c] + wy * block[c + n] + wz * block[c + 2 * n]
+            reach = abs(px - qx) + abs(py - qy) + abs(pz - qz)
+            reach += abs(px - rx) + abs(py - ry) + abs(pz - rz)
+            if advance + rise + turn * reach <= 0.0:
+                continue
+        if highest > 0.0 and max(hp, hq, hr) >= -highest:
+            hp -= _level_at(level, east + ex * px + ey * py + ez * pz, north + mx * px + my * py + mz * pz)  # fmt: skip
+            hq -= _level_at(level, east + ex * qx + ey * qy + ez * qz, north + mx * qx + my * qy + mz * qz)  # fmt: skip
+            hr -= _level_at(level, east + ex * rx + ey * ry + ez * rz, north + mx * rx + my * ry + mz * rz)  # fmt: skip
         fraction, x, y, h = immersed_part(px, py, pz, hp, qx, qy, qz, hq, rx, ry, rz, hr)
         if not fraction > 0.0:
             continue
-        a += hydro.FACES * n
-        nx, ny, nz = block[a], block[a + n], block[a + 2 * n]
         if forward:
             depth = -(z + ux * x + uy * y + uz * h)
             if highest > 0.0:
-                depth += _level_under(state, frame, level, x, y, h)
+                depth += _level_at(level, east + ex * x + ey * y + ez * h, north + mx * x + my * y + mz * h)  # fmt: skip
             x, y, h = pressure_centre(block, k, x, y, h, nx, ny, nz, bx, by, bz, ux, uy, uz, depth)
         advance = (
             nx * (bx + wy * h - wz * y) + ny * (by + wz * x - wx * h) + nz * (bz + wx * y - wy * x)
         )
-        if advance + frame[FASTEST] * abs(ux * nx + uy * ny + uz * nz) <= 0.0:
+        if advance + rise <= 0.0:
             continue
         face = faces[count]
         for axis in range(3):
@@ -157,17 +179,6 @@ def find_faces(
 
 
 @kernel
-def _level_under(state: Any, frame: Any, level: Any, x: float, y: float, h: float) -> float:
-    """Level of the surface at a point of the body, body axes."""
-    return elevation(
-        frame,
-        level,
-        state[0] + state[3] * x + state[4] * y + state[5] * h,
-        state[1] + state[6] * x + state[7] * y + state[8] * h,
-    )
-
-
-@kernel
 def spread_bumps(
     faces: Any, count: int, frame: Any, radius: float, open_cells: Any, side: int, spots: Any
 ) -> None:
@@ -185,28 +196,32 @@ def spread_bumps(
     """
     nx, ny = open_cells.shape
     d = frame[SPACING]
+    reach = radius / d
     for n in range(count):
         east, north = (faces[n, POINT_X] - frame[0]) / d, (faces[n, POINT_Y] - frame[1]) / d
-        reach = radius / d
         spot = spots[n]
-        far = not (-reach < east < nx - 1 + reach and -reach < north < ny - 1 + reach)
-        i0 = 0 if far else math.ceil(east - reach)
-        j0 = 0 if far else math.ceil(north - reach)
+        if not (-reach < east < nx - 1 + reach and -reach < north < ny - 1 + reach):
+            for k in range(SPOT + side * side):
+                spot[k] = 0.0
+            continue
+        i0, j0 = math.ceil(east - reach), math.ceil(north - reach)
         spot[0], spot[1] = i0, j0
+        inside = i0 >= 0 and j0 >= 0 and i0 + side <= nx and j0 + side <= ny
         total = 0.0
         for a in range(side):
+            gap_x = 1.0 - ((i0 + a - east) / reach) ** 2
             for b in range(side):
-                i, j = i0 + a, j0 + b
-                weight = 0.0
-                if not far and 0 <= i < nx and 0 <= j < ny and open_cells[i, j] != 0:
-                    gap = 1.0 - ((i - east) ** 2 + (j - north) ** 2) / (reach * reach)
-                    if gap > 0.0:
-                        weight = gap * gap
+                gap = max(gap_x - ((j0 + b - north) / reach) ** 2, 0.0)
+                weight = gap * gap
+                there = inside or (0 <= i0 + a < nx and 0 <= j0 + b < ny)
+                if not there or open_cells[i0 + a, j0 + b] == 0:
+                    weight = 0.0
                 spot[SPOT + a * side + b] = weight
                 total += weight
         if total > 0.0:
+            scale = 1.0 / total
             for k in range(SPOT, SPOT + side * side):
-                spot[k] /= total
+                spot[k] *= scale
 
 
 @kernel
@@ -318,14 +333,14 @@ def surface_response(
 
 @kernel
 def surface_response_by_distance(
-    faces: Any, count: int, profile: Any, per_metre: float, factor: float, matrix: Any
+    faces: Any, count: int, profile: Any, per_area: float, factor: float, matrix: Any
 ) -> None:
-    """The same with S_i G S_j^T / d^2 from a table in the distance of the load points, 0 beyond it.
+    """The same with S_i G S_j^T / d^2 from a table in the squared distance of the load points, 0 beyond it.
 
     Args:
         faces, count: the faces.
-        profile: at distances 0, 1, ... / per_metre, linear between them [1/m^3].
-        per_metre: entries per metre.
+        profile: at squared distances 0, 1, ... / per_area, linear between them [1/m^3].
+        per_area: entries per square metre.
         factor: dt / (2 rho (1 + mu dt / 2)).
         matrix: out (n, n).
     """
@@ -335,13 +350,13 @@ def surface_response_by_distance(
         scale = factor * faces[n, NORMAL + 2]
         for m in range(n, count):
             dx, dy = faces[m, POINT_X] - x, faces[m, POINT_Y] - y
-            place = math.sqrt(dx * dx + dy * dy) * per_metre
+            place = (dx * dx + dy * dy) * per_area
             found = 0.0
             if place < last:
                 k = int(place)
                 place -= k
                 found = profile[k] + place * (profile[k + 1] - profile[k])
-            found *= scale * faces[m, NORMAL + 2]
+                found *= scale * faces[m, NORMAL + 2]
             matrix[n, m] = found
             matrix[m, n] = found
 
@@ -491,7 +506,7 @@ def solve_loads(
         mean_states: with the velocities that loads act on; `states` inside another integrator.
         surface: frame, level, rate, open cells.
         radius: of the bumps [m].
-        response: impulse, profile and its entries per metre; the profile is used if the impulse is empty.
+        response: impulse, profile and its entries per square metre; the profile is used if the impulse is empty.
         factor: dt / (2 rho (1 + mu dt / 2)).
         bodies: (n, MOBILITY), for `kick` > 0.
         kick: dt / 2 if the bodies are kicked by the loads here; 0 inside another integrator.
@@ -500,7 +515,7 @@ def solve_loads(
             the surface's shape; m all triangles of all bodies.
     """
     frame, level, rate, open_cells = surface
-    impulse, profile, per_metre = response
+    impulse, profile, per_area = response
     faces, spots, matrix, speeds, loads, field = work
     side = math.floor(2.0 * radius / frame[SPACING]) + 1
     count = 0
@@ -515,7 +530,7 @@ def solve_loads(
         area = frame[SPACING] * frame[SPACING]
         surface_response(faces, count, spots, side, impulse, factor / area, field, matrix)
     else:
-        surface_response_by_distance(faces, count, profile, per_metre, factor, matrix)
+        surface_response_by_distance(faces, count, profile, per_area, factor, matrix)
     if kick > 0.0:
         add_mobility(faces, count, bodies, kick, matrix)
     return count, solve(faces, count, matrix, tolerance, MOST_SWEEPS, speeds, loads)

@@ -26,6 +26,9 @@ from mjskip._compile.jit import kernel
 CELLS, SPACING, GRAVITY, DENSITY, DAMPING = 0, 1, 2, 3, 4
 STIFFNESS = 5  # sigma / rho [m^3/s^2]
 STENCIL = 6  # c^2 / (6 g d^2) of `waves` [1/m], 0: `deep`
+LAG = 16.0
+"""Of the width over the distance by which a body leaves the middle before the square follows it."""
+
 TAPER = 8
 """Cells over which the water fades at the end of the square that moves away."""
 
@@ -194,6 +197,18 @@ def _kept(place: int, way: int, cells: int) -> float:
 
 
 @kernel
+def _content(water: Any, level: Any, potential: Any, rate: Any) -> tuple[float, float]:
+    """Sums of z and of g z^2 + phi G phi over the cells."""
+    n = level.shape[0]
+    volume = energy = 0.0
+    for i in range(n):
+        for j in range(n):
+            volume += level[i, j]
+            energy += water[GRAVITY] * level[i, j] * level[i, j] + potential[i, j] * rate[i, j]
+    return volume, energy
+
+
+@kernel
 def shift(water: Any, state: Any, di: int, dj: int) -> None:
     """Move the square by whole cells: still water comes in, what goes out is counted as left behind.
 
@@ -204,23 +219,28 @@ def shift(water: Any, state: Any, di: int, dj: int) -> None:
         return
     level, potential, rate = plane(state, n, 0), plane(state, n, 1), plane(state, n, 2)
     area = water[SPACING] * water[SPACING]
-    volume, energy = 0.0, 0.0
-    for i in range(n):
-        for j in range(n):
-            volume += level[i, j]
-            energy += water[GRAVITY] * level[i, j] ** 2 + potential[i, j] * rate[i, j]
+    kept_j = np.empty(n)
+    for j in range(n):
+        kept_j[j] = _kept(j, dj, n) if 0 <= j + dj < n else 0.0
+    volume, energy = _content(water, level, potential, rate)
+    low, high = max(0, -dj), min(n, n - dj)
+    row = np.empty(n)
     for a in range(n):
         i = a if di >= 0 else n - 1 - a
-        along = _kept(i, di, n)
-        for b in range(n):
-            j = b if dj >= 0 else n - 1 - b
-            inside = 0 <= i + di < n and 0 <= j + dj < n
-            kept = along * _kept(j, dj, n) if inside else 0.0
-            level[i, j] = kept * level[i + di, j + dj] if inside else 0.0
-            potential[i, j] = kept * potential[i + di, j + dj] if inside else 0.0
-            rate[i, j] = kept * rate[i + di, j + dj] if inside else 0.0
-            volume -= level[i, j]
-            energy -= water[GRAVITY] * level[i, j] ** 2 + potential[i, j] * rate[i, j]
+        kept_i = _kept(i, di, n) if 0 <= i + di < n else 0.0
+        for field in (level, potential, rate):
+            for j in range(n):
+                row[j] = 0.0
+            if kept_i > 0.0:
+                source = field[i + di]
+                for j in range(low, high):
+                    row[j] = kept_i * kept_j[j] * source[j + dj]
+            line = field[i]
+            for j in range(n):
+                line[j] = row[j]
+    left_volume, left_energy = _content(water, level, potential, rate)
+    volume -= left_volume
+    energy -= left_energy
     state[LEFT_VOLUME] += area * volume
     state[LEFT_ENERGY] += 0.5 * water[DENSITY] * area * energy
     state[FIRST_I] += di
@@ -229,13 +249,14 @@ def shift(water: Any, state: Any, di: int, dj: int) -> None:
 
 @kernel
 def follow(water: Any, state: Any, x: float, y: float) -> None:
-    """Move the square so that its middle is within a cell of a place [m]."""
+    """Move the square so that its middle is within 1 / LAG of its width of a place [m]."""
     n = int(water[CELLS])
     middle = 0.5 * (n - 1)
     gap_i = x / water[SPACING] - state[FIRST_I] - middle
     gap_j = y / water[SPACING] - state[FIRST_J] - middle
     if not (abs(gap_i) < 1e15 and abs(gap_j) < 1e15):
         return
-    di = int(np.rint(gap_i)) if abs(gap_i) > 1.0 else 0
-    dj = int(np.rint(gap_j)) if abs(gap_j) > 1.0 else 0
+    lag = n / LAG
+    di = int(np.rint(gap_i)) if abs(gap_i) > lag else 0
+    dj = int(np.rint(gap_j)) if abs(gap_j) > lag else 0
     shift(water, state, di, dj)

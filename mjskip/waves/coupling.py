@@ -44,8 +44,11 @@ TOLERANCE = 1e-14
 MOST_FACES = 4000
 """Triangles of all bodies of one solve, after splitting: the matrix has as many rows."""
 
-PROFILE_PER_RADIUS = 64
-"""Entries of a response profile per radius of a bump: linear interpolation is then good to about 1e-4."""
+PROFILE_PER_RADIUS_SQUARED = 64
+"""Entries of a response profile per squared radius of a bump: linear interpolation is good to 1e-3 of its peak."""
+
+PROFILE_RADII = 8
+"""Distance up to which a response profile reaches, in radii: beyond it that of deep water is below 3e-4 of its peak."""
 
 
 def check_law(name: str) -> ForceLaw:
@@ -112,18 +115,16 @@ def deep_operator(cells: int, *, spacing: float, depth: float = math.inf) -> Arr
 
 
 def wave_profile(*, wave_speed: float, gravity: float, radius: float) -> Array:
-    """S_i G S_j / d^2 against the distance of two bumps on fine cells, for equation (5) [1/m^3]."""
-    return _profile(lambda k: wave_speed**2 / gravity * k**2, radius, extent=2.0 * radius)
+    """S_i G S_j / d^2 of two bumps on fine cells, against the square of their distance, for equation (5) [1/m^3]."""
+    return _profile(lambda k: wave_speed**2 / gravity * k**2, radius)
 
 
-def deep_profile(*, radius: float, extent: float, depth: float = math.inf) -> Array:
-    """The same for G = |k| tanh(|k| H), up to a distance [m]."""
-    return _profile(
-        lambda k: k * np.tanh(k * depth) if math.isfinite(depth) else k, radius, extent=extent
-    )
+def deep_profile(*, radius: float, depth: float = math.inf) -> Array:
+    """The same for G = |k| tanh(|k| H)."""
+    return _profile(lambda k: k * np.tanh(k * depth) if math.isfinite(depth) else k, radius)
 
 
-def _profile(operator: Callable[[Array], Array], radius: float, *, extent: float) -> Array:
+def _profile(operator: Callable[[Array], Array], radius: float) -> Array:
     """1 / (2 pi) int G(k) s(k)^2 J0(k r) k dk, s = 48 J3(k e) / (k e)^3 the transform of the bump."""
     # beyond 200 / e the integrand, which falls as k^-5 at the slowest, is below 1e-9 of its integral
     k: Array = (np.arange(20_000, dtype=np.float64) + 0.5) * (200.0 / radius / 20_000)
@@ -131,10 +132,12 @@ def _profile(operator: Callable[[Array], Array], radius: float, *, extent: float
     density = operator(k) * (48.0 * jv(3, x) / x**3) ** 2 * k * (k[1] - k[0]) / (2.0 * np.pi)
     # smooth at the scale of a bump near by, ever smoother far away
     near = np.arange(4 * 32) / 32.0
-    nodes = radius * np.concatenate([near, np.arange(16, 4 * extent / radius + 3) / 4.0])
+    nodes = radius * np.concatenate([near, np.arange(16, 4 * PROFILE_RADII + 3) / 4.0])
     values = np.array([np.dot(density, j0(k * r)) for r in nodes])
-    r = np.arange(math.ceil(extent / radius * PROFILE_PER_RADIUS) + 2) / PROFILE_PER_RADIUS
-    return np.asarray(CubicSpline(nodes, values)(radius * r), dtype=np.float64)
+    r = radius * np.sqrt(
+        np.arange(PROFILE_RADII**2 * PROFILE_PER_RADIUS_SQUARED + 2) / PROFILE_PER_RADIUS_SQUARED
+    )
+    return np.asarray(CubicSpline(nodes, values)(r), dtype=np.float64)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -207,6 +210,7 @@ class SurfaceCoupling:
         damping: float = 0.0,
         radius: float = LOAD_RADIUS,
         tolerance: float = TOLERANCE,
+        longest_face: float = 1.0,
     ) -> None:
         """Prepare bodies for a kind of water.
 
@@ -220,6 +224,7 @@ class SurfaceCoupling:
             damping: mu of equation (5) [1/s].
             radius: of the bumps that spread loads and sample the surface [m]; at least a cell.
             tolerance: of the loads.
+            longest_face: longest edge of a face, in radii: longer ones are split.
 
         Raises:
             ValueError: the radius is smaller than a cell, or there are too many triangles.
@@ -230,19 +235,19 @@ class SurfaceCoupling:
             )
         if (impulse is None) == (profile is None):
             raise ValueError("give an impulse or a profile, one of them")
-        split = [split_block(block, radius) for block in blocks]
+        split = [split_block(block, longest_face * radius) for block in blocks]
         self.starts = np.cumsum([0, *(len(block) for block in split)])
         self.blocks = np.concatenate(split)
         self._count = int(sum(block[hydro.N_FACES] for block in split))
         if self._count > MOST_FACES:
             raise ValueError(
-                f"the bodies have {self._count} triangles no longer than {radius:g} m, {MOST_FACES} at most can be "
+                f"the bodies have {self._count} triangles no longer than {longest_face * radius:g} m, {MOST_FACES} at most can be "
                 "solved together: use a larger load_radius"
             )
         self._response = (
             np.zeros((0, 0)) if impulse is None else np.ascontiguousarray(impulse, np.float64),
             np.zeros(0) if profile is None else np.ascontiguousarray(profile, np.float64),
-            PROFILE_PER_RADIUS / radius,
+            PROFILE_PER_RADIUS_SQUARED / radius**2,
         )
         self._spacing, self._density, self._damping = spacing, density, damping
         self._radius, self._tolerance = radius, tolerance

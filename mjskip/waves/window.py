@@ -166,8 +166,7 @@ class Window:
         """The response of cells without end under bumps of a radius [m], for `SurfaceCoupling`."""
         if self.kind == "waves":
             return wave_profile(wave_speed=self._wave_speed, gravity=self._gravity, radius=radius)
-        extent = math.sqrt(2.0) * self.cells * self.spacing
-        return deep_profile(radius=radius, extent=extent, depth=self._depth)
+        return deep_profile(radius=radius, depth=self._depth)
 
     def surface(self, timestep: float) -> Surface:
         """The square as the coupling sees it, with the rate centred on the coming step [s]."""
@@ -205,7 +204,7 @@ class Window:
         self.absorbed += timestep * self.spacing**2 * float(np.sum(lost * rate))
 
     def follow(self, x: float, y: float) -> None:
-        """Move the square by whole cells until its middle is within one of a place [m]."""
+        """Move the square by whole cells if its middle is more than a sixteenth of its width off a place [m]."""
         first = self.state[: kernels.LEFT_VOLUME].copy()
         kernels.follow(self.water, self.state, x, y)
         if (self.state[: kernels.LEFT_VOLUME] != first).any():
