@@ -20,6 +20,7 @@ COMMANDS = {
     "play": "A page in the browser where you throw (extra: play).",
     "view": "MuJoCo's own viewer with the water, live.",
     "inspect": "What is wet in a model and why, how it floats, and what that costs.",
+    "laws": "Which force law for what body, and the error to expect.",
     "info": "Versions, OpenGL renderer, ffmpeg, threads, shipped scenes.",
 }
 """Each is a module of this package with a click command of the same name."""
