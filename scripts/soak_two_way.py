@@ -44,8 +44,8 @@ def model_of(surface: str, law: str, timestep: float, *, stones: int = 1) -> muj
 def throw(data: mujoco.MjData, rng: np.random.Generator, n: int = 0) -> None:
     """Throw stone n anew from a random place at a random tilt."""
     thrown = Throw(
-        speed=rng.uniform(1, 15), spin=rng.uniform(-500, 500), attack=rng.uniform(-0.2, 1.2),
-        descent=rng.uniform(0.05, 1.4), height=rng.uniform(0.0, 0.02), bank=rng.uniform(-0.5, 0.5),
+        speed=rng.uniform(1, 15), spin=rng.uniform(-500, 500), attack=rng.uniform(-0.2, 1.1),
+        descent=rng.uniform(0.05, 1.4), height=rng.uniform(0.0, 0.02), bank=rng.uniform(-0.3, 0.3),
     )  # fmt: skip
     state = thrown.state(Stone.pebble(), x=data.qpos[0] if n else 0.0, y=0.05 * n)
     data.qpos[7 * n : 7 * n + 3], data.qpos[7 * n + 3 : 7 * n + 7] = state.position, state.q
