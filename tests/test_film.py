@@ -9,8 +9,8 @@ import pytest
 from flights import SMALL, flight, small
 
 from mjskip.draw import render
+from mjskip.draw.eye import Eye
 from mjskip.draw.film import compose, duel_of, render_duel, render_strip
-from mjskip.draw.optics import Eye
 from mjskip.draw.overlay import Overlay, caption, numbers_at
 from mjskip.draw.render import Shot, followed, shot_times
 from mjskip.throws.recording import Limits
@@ -127,7 +127,7 @@ def test_a_caption_stays_in_its_corner():
 
 
 def test_a_strip_holds_its_moments_in_even_rows(tmp_path, throw):
-    path = render_strip(small(), throw, tmp_path / "strip.png", moments=6, size=SMALL)
+    path = render_strip(small(), throw, tmp_path / "strip.png", moments=6, shot=Shot(size=SMALL))
     assert mediapy.read_image(path).shape == (2 * 120 + 4, 3 * 160 + 2 * 4, 3)
     assert compose([np.zeros((4, 6, 3), np.uint8)] * 4).shape == (4, 4 * 6 + 3 * 4, 3)
     with pytest.raises(ValueError, match=r"use \.png"):
@@ -139,7 +139,7 @@ def test_a_strip_holds_its_moments_in_even_rows(tmp_path, throw):
 def test_a_duel_shows_both_throws_at_the_same_moment(tmp_path):
     scene = small("duel")
     sides = duel_of(scene, simulate_all(scene, limits=Limits(duration=0.4)))
-    path = render_duel(sides, tmp_path / "duel.mp4", size=SMALL, fps=10, linger=0.0)
+    path = render_duel(sides, tmp_path / "duel.mp4", shot=Shot(size=SMALL, fps=10, linger=0.0))
     count, _ = imageio_ffmpeg.count_frames_and_secs(str(path))
     assert count == 5  # 0 to 0.4 s at 10 Hz, of the longer throw
     reader = imageio_ffmpeg.read_frames(str(path))
@@ -150,7 +150,7 @@ def test_a_duel_shows_both_throws_at_the_same_moment(tmp_path):
 
 
 def test_memory_does_not_grow_with_the_film():
-    images = render.frames(small(), flight(), size=SMALL, fps=240, slow=1000)
+    images = render.frames(small(), flight(), Shot(size=SMALL, fps=240, slow=1000))
     first, second = next(images), next(images)  # of a hundred thousand: made as they are asked for
     images.close()
     assert first.shape == second.shape == (120, 160, 3)
@@ -161,10 +161,10 @@ def test_memory_does_not_grow_with_the_film():
 def test_every_camera_shows_the_stone(name, camera):
     scene = small(name) if name != "clanet_disc" else load_scene(name)
     flights = simulate_all(scene, limits=Limits(duration=0.12))
-    plain = {"size": (320, 240), "caption": False, "trail": False, "marks": False}
-    (image,) = render.frames(scene, flights, times=np.array([0.1]), camera=camera, **plain)
+    shot = Shot(camera=camera, size=(320, 240), caption=False, trail=False, marks=False)
+    (image,) = render.frames(scene, flights, shot, times=np.array([0.1]))
     away = {key: _moved(one) for key, one in flights.items()}
-    (without,) = render.frames(scene, away, times=np.array([0.1]), camera=camera, **plain)
+    (without,) = render.frames(scene, away, shot, times=np.array([0.1]))
     assert (np.abs(image.astype(int) - without).max(axis=2) > 20).sum() > 25
 
 

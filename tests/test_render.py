@@ -8,7 +8,7 @@ from flights import SMALL, flight, small
 
 from mjskip.draw import render, stage
 from mjskip.draw.skin import Grid
-from mjskip.errors import SceneError
+from mjskip.errors import MjskipWarning, SceneError
 from mjskip.throws.simulate import simulate_all
 
 
@@ -111,11 +111,19 @@ def test_a_pose_beyond_the_ends_is_held():
 def test_real_throws_of_two_stones_are_drawn_together():
     duel = small("duel")
     flights = simulate_all(duel)
-    pictures = list(render.frames(duel, flights, camera="top", size=SMALL, fps=10, linger=0.0))
+    shot = render.Shot(camera="top", size=SMALL, fps=10, linger=0.0)
+    pictures = list(render.frames(duel, flights, shot))
     assert len(pictures) == len(render.frame_times(flights, fps=10))
     assert all(one.shape == (120, 160, 3) for one in pictures)
     first, later = pictures[0].astype(int), pictures[2].astype(int)
     assert np.abs(first - later).max() > 40  # of 255: the wake of the first touch at 0.1 s
+
+
+def test_without_shaders_the_plain_look_remains_with_one_line(monkeypatch):
+    monkeypatch.setattr(stage, "shaders_work", lambda: False)
+    with pytest.warns(MjskipWarning, match=r"GLSL 3\.30: drawn with the plain look"):
+        seen = picture()
+    np.testing.assert_array_equal(seen, picture(look="plain"))
 
 
 def test_an_unknown_camera_lists_those_there_are():

@@ -370,7 +370,7 @@ def test_water_that_cannot_look_so_is_refused(wrong):
 
 
 def test_without_shaders_the_error_names_the_plain_look(monkeypatch):
-    monkeypatch.setattr(module, "has_shaders", lambda: False)
+    monkeypatch.setattr(module, "shaders_work", lambda: False)
     with pytest.raises(RenderError, match="look='plain'"):
         mjskip.Renderer(boat()[0], 48, 64)
 

@@ -1,6 +1,8 @@
 """A throw leaves the hand with the angles, spin and height that it says."""
 
+import dataclasses
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,7 +11,10 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from mjskip import Stone, Throw
+from mjskip.cli.run import run
 from mjskip.rigid.attitude import angles, difference, matrices, quaternions
+from mjskip.sweeps import design
+from mjskip.throws.throw import PARAMETERS
 
 PEBBLE = Stone.pebble()
 tilts = st.floats(-1.3, 1.3)
@@ -140,3 +145,24 @@ def test_the_difference_of_two_attitudes_is_the_angle_between_them(q, angle):
                a * y - b * z + c * w + d * x, a * z + b * y - c * x + d * w]  # fmt: skip
     assert float(difference(q, product)) == pytest.approx(angle, abs=1e-14, rel=1e-6)
     assert float(difference(q, -q)) == pytest.approx(0.0, abs=1e-15)
+
+
+def test_the_page_about_sweeps_has_the_table_of_parameters():
+    page = (Path(__file__).parents[1] / "docs" / "sweeps.md").read_text()
+    for name, parameter in PARAMETERS.items():
+        default = parameter.to_shown(getattr(Throw(), name))
+        assert (
+            f"| {name} | {parameter.shown_unit} | {parameter.low:g} to {parameter.high:g} | {default:g} | "
+            f"{parameter.unit} |\n"
+        ) in page
+
+
+def test_every_parameter_is_the_same_at_the_command_line_and_in_sweeps():
+    assert list(PARAMETERS) == [field.name for field in dataclasses.fields(Throw)]
+    options = {option.name: option for option in run.params}
+    for name, parameter in PARAMETERS.items():
+        assert options[name].metavar == parameter.shown_unit.upper()
+        assert design.PARAMETERS[name] == parameter.unit
+        assert parameter.to_shown(parameter.to_si(0.5)) == pytest.approx(0.5)
+        with pytest.raises(ValueError, match=f"between {parameter.low:g} and {parameter.high:g}"):
+            parameter.to_si(1.01 * parameter.high)

@@ -1,5 +1,6 @@
 """What is written, and by which OpenGL."""
 
+import os
 import subprocess
 import sys
 
@@ -37,7 +38,9 @@ def test_a_video_is_h264_with_every_frame(tmp_path):
 
 
 def test_frames_are_numbered_pngs(tmp_path):
-    paths = render.render_frames(small(), flight(), tmp_path, size=SMALL, fps=5, linger=0.0)
+    paths = render.render_frames(
+        small(), flight(), tmp_path, shot=render.Shot(size=SMALL, fps=5, linger=0.0)
+    )
     assert [path.name for path in paths] == ["frame_0000.png", "frame_0001.png"]
     assert sorted(tmp_path.iterdir()) == paths
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in paths)
@@ -118,11 +121,22 @@ def test_software_renderers_are_known_by_their_names():
     assert not render.is_software("NVIDIA H200/PCIe/SSE2")
 
 
-def test_without_an_egl_library_the_packages_are_named(monkeypatch):
-    monkeypatch.delenv("MUJOCO_GL", raising=False)
-    monkeypatch.setitem(sys.modules, "mujoco.egl", None)  # as if it could not be imported
-    with pytest.raises(RenderError, match="libegl1 libgl1-mesa-dri"):
-        render.gl_renderer()
+def without_choice():
+    """The environment, but for the user's choice of OpenGL."""
+    return {key: value for key, value in os.environ.items() if key != "MUJOCO_GL"}
+
+
+def test_without_an_egl_library_the_packages_are_named():
+    # in a process of its own: MuJoCo picks its OpenGL once, as MUJOCO_GL says when it is imported
+    code = (
+        "import sys; sys.modules['mujoco.egl'] = None\n"  # as if it could not be imported
+        "from mjskip.draw.render import gl_renderer\n"
+        "from mjskip.errors import RenderError\n"
+        "try: gl_renderer()\n"
+        "except RenderError as error: sys.exit(0 if 'libegl1 libgl1-mesa-dri' in str(error) else str(error))\n"
+        "sys.exit('no error')"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=120, env=without_choice())
 
 
 def test_importing_touches_no_opengl():
@@ -131,4 +145,4 @@ def test_importing_touches_no_opengl():
         "loaded = [n for n in sys.modules if n.startswith(('OpenGL', 'mujoco.egl', 'mediapy'))];"
         "sys.exit(str(loaded) if loaded else 0)"
     )
-    subprocess.run([sys.executable, "-c", code], check=True, timeout=120)
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=120, env=without_choice())

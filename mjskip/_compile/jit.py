@@ -17,9 +17,6 @@ OPTIONS: dict[str, Any] = {
 }
 """No fastmath: it would remove the checks for non-finite forces."""
 
-LOOSE = frozenset({"contract", "reassoc", "arcp", "nsz", "afn"})
-"""Sums in any order and approximate roots; infinities and not-a-number keep their meaning."""
-
 
 def kernel(function: F) -> F:
     """Compile `function` with the options of this package; `.py_func` is its slow twin."""
@@ -38,11 +35,6 @@ def inlined(function: F) -> F:
 def vector_kernel(function: F) -> F:
     """The same for sums over many faces, in any order."""
     return _compile(function, {**OPTIONS, "fastmath": set(VECTOR)})
-
-
-def picture_kernel(function: F) -> F:
-    """The same for the optics of a picture, with `LOOSE` sums and roots."""
-    return _compile(function, {**OPTIONS, "fastmath": set(LOOSE)})
 
 
 def _compile(function: F, options: dict[str, Any]) -> F:

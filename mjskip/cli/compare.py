@@ -13,7 +13,7 @@ from rich.table import Table
 from mjskip import __version__
 from mjskip.cli.console import err, out, plain_table
 from mjskip.cli.options import chosen_scene, throw_options
-from mjskip.throws.comparison import LADDER, Comparison
+from mjskip.throws.comparison import LADDER, Comparison, Differences
 from mjskip.throws.comparison import compare as compare_solvers
 from mjskip.throws.simulate import largest_timestep
 
@@ -83,45 +83,34 @@ def _report(path: Any, body: str, result: Comparison, advised: float) -> dict[st
 
 
 def _rows_table(result: Comparison) -> Table:
-    table = plain_table(
-        "solver",
-        "step\nms",
-        "flight\nm",
-        "\ndeg",
-        "touch\nm",
-        "\ndeg",
-        "a step\nµs",
-        left=("solver",),
-    )
+    table = plain_table("solver", "step\nms", *HEADINGS, "a step\nµs", left=("solver",))
     last = ""
     for row in result.rows:
         solver = f"{row.engine} {row.integrator}"
         if last and solver != last:
             table.add_section()
-        table.add_row(
-            solver if solver != last else "",
-            f"{1e3 * row.timestep:g}",
-            _metres(row.flight_position),
-            _degrees(row.flight_attitude),
-            _metres(row.touch_position),
-            _degrees(row.touch_attitude),
-            "diverged" if math.isnan(row.step_seconds) else f"{1e6 * row.step_seconds:.0f}",
-        )
+        cost = "diverged" if math.isnan(row.step_seconds) else f"{1e6 * row.step_seconds:.0f}"
+        table.add_row(solver if solver != last else "", *_cells(row), cost)
         last = solver
     return table
 
 
 def _agreement_table(result: Comparison) -> Table:
-    table = plain_table("step\nms", "flight\nm", "\ndeg", "touch\nm", "\ndeg")
+    table = plain_table("step\nms", *HEADINGS)
     for row in result.agreement:
-        table.add_row(
-            f"{1e3 * row.timestep:g}",
-            _metres(row.flight_position),
-            _degrees(row.flight_attitude),
-            _metres(row.touch_position),
-            _degrees(row.touch_attitude),
-        )
+        table.add_row(*_cells(row))
     return table
+
+
+HEADINGS = ("flight\nm", "\ndeg", "touch\nm", "\ndeg")
+
+
+def _cells(row: Differences) -> list[str]:
+    """Time step [ms] and differences [m, degrees]."""
+    lengths = (row.flight_position, row.touch_position)
+    angles = (math.degrees(row.flight_attitude), math.degrees(row.touch_attitude))
+    numbers = [number for pair in zip(lengths, angles, strict=True) for number in pair]
+    return [f"{1e3 * row.timestep:g}", *("-" if math.isnan(n) else f"{n:.1e}" for n in numbers)]
 
 
 def _order_table(result: Comparison) -> Table:
@@ -130,11 +119,3 @@ def _order_table(result: Comparison) -> Table:
         cells = ["-" if v is None else f"{v:.2f}" for v in (order.smooth_flight, order.touch)]
         table.add_row(f"{order.engine} {order.integrator}", *cells)
     return table
-
-
-def _metres(value: float) -> str:
-    return "-" if math.isnan(value) else f"{value:.1e}"
-
-
-def _degrees(value: float) -> str:
-    return "-" if math.isnan(value) else f"{math.degrees(value):.1e}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import fields
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -128,24 +128,29 @@ def film(scene: Scene, trajectories: Mapping[str, Trajectory], options: Mapping[
         with _drawing(options["video"]) as progress:
             if options["side_by_side"]:
                 sides = duel_of(scene, trajectories)
-                render_duel(sides, options["video"], progress=progress, **shot)
+                render_duel(sides, options["video"], shot=shot, progress=progress)
             else:
-                render_video(scene, trajectories, options["video"], progress=progress, **shot)
+                render_video(
+                    scene, trajectories, options["video"], progress=progress, **asdict(shot)
+                )
     if options["frames"] is not None:
         with _drawing(options["frames"]) as progress:
-            render_frames(scene, trajectories, options["frames"], progress=progress, **shot)
+            render_frames(scene, trajectories, options["frames"], shot=shot, progress=progress)
     if options["strip"] is not None:
         with _drawing(_picture(options)) as progress:
             moments = options["strip"]
             render_strip(
-                scene, trajectories, _picture(options), moments=moments, progress=progress, **shot
+                scene,
+                trajectories,
+                _picture(options),
+                moments=moments,
+                shot=shot,
+                progress=progress,
             )
 
 
-def _shot(options: Mapping[str, Any]) -> dict[str, Any]:
-    chosen = {key: value for key, value in options.items() if key not in TARGETS}
-    Shot(**chosen)
-    return chosen
+def _shot(options: Mapping[str, Any]) -> Shot:
+    return Shot(**{key: value for key, value in options.items() if key not in TARGETS})
 
 
 @contextmanager

@@ -5,13 +5,13 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Generator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from mjskip.draw.overlay import caption
-from mjskip.draw.render import Flights, Shot, frames, shot_times
+from mjskip.draw.render import USUAL, Flights, Shot, frames, shot_times
 from mjskip.draw.video import Image, Progress, check_video_path, write_video
 from mjskip.files import check_folder, whole_file
 from mjskip.throws.trajectory import Trajectory
@@ -30,16 +30,16 @@ def render_duel(
     sides: Mapping[str, tuple[Scene, Flights]],
     path: str | Path,
     *,
+    shot: Shot = USUAL,
     progress: Progress | None = None,
-    **shot: Any,
 ) -> Path:
     """Write a film of two throws side by side, each on its own water, from the same moment on.
 
     Args:
         sides: scene and motion of the left and of the right, by their titles.
         path: .mp4, .mkv, .mov, .webp or .gif in a folder that exists.
+        shot: how they are filmed; its size is that of each half.
         progress: called with the frames done and to do.
-        **shot: as for `mjskip.draw.render.Shot`; size is that of each half.
 
     Raises:
         ValueError: there are not two sides, or a setting cannot be used.
@@ -50,29 +50,28 @@ def render_duel(
         raise ValueError(f"a duel has two sides with different titles, not {len(sides)}")
     path = Path(path)
     check_video_path(path)
-    plan = Shot(**shot)
-    total = max(len(shot_times(flights, plan)) for _, flights in sides.values())
-    images = _pairs(sides, total, plan, shot)
+    total = max(len(shot_times(flights, shot)) for _, flights in sides.values())
+    images = _pairs(sides, total, shot)
     with contextlib.closing(images):
-        size = (2 * plan.size[0], plan.size[1])
-        return write_video(images, path, size=size, fps=plan.fps, total=total, progress=progress)
+        size = (2 * shot.size[0], shot.size[1])
+        return write_video(images, path, size=size, fps=shot.fps, total=total, progress=progress)
 
 
 def _pairs(
-    sides: Mapping[str, tuple[Scene, Flights]], total: int, plan: Shot, shot: Mapping[str, Any]
+    sides: Mapping[str, tuple[Scene, Flights]], total: int, shot: Shot
 ) -> Generator[Image, None, None]:
     with contextlib.ExitStack() as stack:
         films = []
         for scene, flights in sides.values():
-            times = shot_times(flights, plan)[0] + np.arange(total) / (plan.fps * plan.slow)
+            times = shot_times(flights, shot)[0] + np.arange(total) / (shot.fps * shot.slow)
             films.append(
-                stack.enter_context(contextlib.closing(frames(scene, flights, times=times, **shot)))
+                stack.enter_context(contextlib.closing(frames(scene, flights, shot, times=times)))
             )
         for pair in zip(*films, strict=True):
             for title, image in zip(sides, pair, strict=True):
                 caption(image, title, corner="top")
             both = np.concatenate(pair, axis=1)
-            both[:, plan.size[0] - 1 : plan.size[0] + 1] = _PAPER
+            both[:, shot.size[0] - 1 : shot.size[0] + 1] = _PAPER
             yield both
 
 
@@ -82,8 +81,8 @@ def render_strip(
     path: str | Path,
     *,
     moments: int = 6,
+    shot: Shot = USUAL,
     progress: Progress | None = None,
-    **shot: Any,
 ) -> Path:
     """Write equally spaced moments of a throw as one PNG, in rows of four at most.
 
@@ -92,8 +91,8 @@ def render_strip(
         trajectory: what the stones did.
         path: .png in a folder that exists.
         moments: how many, at least 1; from the release to the end of the film.
+        shot: how it is filmed; its size is that of each picture.
         progress: called with the pictures done and to do.
-        **shot: as for `mjskip.draw.render.Shot`; size is that of each picture.
     """
     path = Path(path)
     if path.suffix.lower() != ".png":
@@ -101,11 +100,10 @@ def render_strip(
     check_folder(path.parent)
     if not 1 <= moments <= 100:
         raise ValueError(f"moments is {moments!r}: give a whole number from 1 to 100")
-    plan = Shot(**shot)
-    film = shot_times(trajectory, plan)
+    film = shot_times(trajectory, shot)
     times = np.linspace(film[0], film[-1], moments) if moments > 1 else film[:1]
     pictures = []
-    images = frames(scene, trajectory, times=times, **shot)
+    images = frames(scene, trajectory, shot, times=times)
     with contextlib.closing(images):
         for done, (time, image) in enumerate(zip(times, images, strict=True), start=1):
             caption(image, f"{time - film[0]:.2f} s", corner="top")

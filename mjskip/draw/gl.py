@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import os
 from collections.abc import Iterator
 from typing import Any
@@ -51,26 +52,45 @@ def offscreen() -> Iterator[None]:
             backend.GLContext = chosen
 
 
+@functools.cache
+def _asked() -> tuple[str, str]:
+    """Name of what draws and version of its shading language, from a context made for this."""
+    with offscreen():
+        from mujoco.rendering.classic import gl_context
+
+        context = gl_context.GLContext(16, 16)
+        try:
+            with context.as_current():
+                from OpenGL import GL  # type: ignore[import-untyped, unused-ignore]
+
+                said = [
+                    (GL.glGetString(name) or b"").decode(errors="replace")
+                    for name in (GL.GL_RENDERER, GL.GL_SHADING_LANGUAGE_VERSION)
+                ]
+        finally:
+            context.free()
+    if not said[0]:
+        raise RenderError(f"the OpenGL context does not work: {_NO_EGL}")
+    return said[0], said[1]
+
+
 def gl_renderer() -> str:
     """Name of what draws, as OpenGL gives it, for instance "llvmpipe (LLVM 19.1.7, 256 bits)".
 
     Raises:
         RenderError: no OpenGL context can be made here.
     """
-    with offscreen():
-        from mujoco.rendering.classic import gl_context
+    return _asked()[0]
 
-        context = gl_context.GLContext(16, 16)
-        try:
-            context.make_current()
-            from OpenGL import GL  # type: ignore[import-untyped, unused-ignore]
 
-            name = GL.glGetString(GL.GL_RENDERER)
-        finally:
-            context.free()
-    if not name:
-        raise RenderError(f"the OpenGL context does not work: {_NO_EGL}")
-    return str(name.decode(errors="replace"))
+def shaders_work() -> bool:
+    """Whether OpenGL knows GLSL 3.30, in which the water is written.
+
+    Raises:
+        RenderError: no OpenGL context can be made here.
+    """
+    major, _, minor = (_asked()[1] or "0").partition(".")
+    return (int(major), int(minor[:2] or 0)) >= (3, 30)
 
 
 def is_software(name: str) -> bool:

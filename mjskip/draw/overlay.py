@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip.draw._draw_kernels import stroke
-from mjskip.draw.optics import Eye
+from mjskip.draw.eye import Eye
 from mjskip.draw.video import Image
 from mjskip.rigid.attitude import matrices
 from mjskip.throws.trajectory import Trajectory

@@ -55,10 +55,8 @@ void main()
 """
 """Two triangles for each tile of a picture, counted in rows from the lower left."""
 
-_PROGRAMS = (
-    "LIGHT", "LIGHT WAVES", "LIGHT WAVES STANDING", "LIGHT WAVES STANDING BODIES", "LIGHT WAVES BODIES SUNK",
-    "PICTURE", "PICTURE STANDING", "PICTURE STANDING SUNK", "SURE", "COPY", "DISTANCE WAVES", "SOUNDING", "RANGE",
-)  # fmt: skip
+_FLIPPED = ("PICTURE", "SURE", "COPY", "DISTANCE")
+"""Passes that turn a picture over, for rows from the top."""
 
 
 def gl() -> Any:
@@ -66,13 +64,6 @@ def gl() -> Any:
     from OpenGL import GL  # type: ignore[import-untyped, unused-ignore]
 
     return GL
-
-
-def has_shaders() -> bool:
-    """Whether the current context knows GLSL 3.30."""
-    version = gl().glGetString(gl().GL_SHADING_LANGUAGE_VERSION) or b"0"
-    major, _, minor = version.decode().partition(".")
-    return (int(major), int(minor[:2] or 0)) >= (3, 30)
 
 
 @functools.cache
@@ -131,7 +122,7 @@ class Texture:
         *,
         smooth: bool = True,
         repeat: str = "CLAMP_TO_EDGE",
-        levels: bool = False,
+        levels: str = "",
         cube: bool = False,
     ) -> None:
         """Make room.
@@ -141,7 +132,7 @@ class Texture:
             kind: "RGBA8", "R32F" or "DEPTH32F_STENCIL8".
             smooth: whether it is interpolated between pixels.
             repeat: what is beyond the edges, OpenGL's name.
-            levels: whether it has smaller copies of itself.
+            levels: how it is interpolated between smaller copies of itself, "LINEAR" or "NEAREST"; "" without.
             cube: whether it has six sides.
         """
         # the wrapped glTexImage2D knows no depth with stencil
@@ -162,7 +153,7 @@ class Texture:
             inner = getattr(g, f"GL_{kind}")
             glTexImage2D(target, 0, inner, *size, 0, form, part, None)
         filtering = "LINEAR" if smooth else "NEAREST"
-        smaller = f"{filtering}_MIPMAP_LINEAR" if levels else filtering
+        smaller = f"{filtering}_MIPMAP_{levels}" if levels else filtering
         for key, value in (
             ("MAG_FILTER", filtering), ("MIN_FILTER", smaller), ("WRAP_S", repeat), ("WRAP_T", repeat)
         ):  # fmt: skip
@@ -253,17 +244,12 @@ class WaterPasses:
     """`water.glsl` at work in MuJoCo's own context, for pictures of one size."""
 
     def __init__(self, size: tuple[int, int]) -> None:
-        """Compile, and make room for pictures of this width and height."""
+        """Make room for pictures of this width and height."""
         g = gl()
         half = -(-size[0] // 2), -(-size[1] // 2)
+        self._size = size
         self._columns, self._rows = (-(-side // TILE) for side in size)
-        self._programs = {}
-        for kind in _PROGRAMS:
-            flipped = (
-                ["FLIPPED"] if kind.split()[0] in ("PICTURE", "SURE", "COPY", "DISTANCE") else []
-            )
-            self._programs[kind] = made = program(*kind.split(), *flipped)
-            g.glUniform3i(g.glGetUniformLocation(made, "tiles"), *size, self._columns)
+        self._programs: dict[str, int] = {}
         self.model = Target(size, {"picture": "RGBA8"}, depth=True)
         self.light = Target(half, {"shape": "R32F", "water": "RGBA8"})
         self.result = Target(size, {"result": "RGBA8"})
@@ -273,11 +259,10 @@ class WaterPasses:
         g.glBindBuffer(g.GL_UNIFORM_BUFFER, self._view)
         g.glBufferData(g.GL_UNIFORM_BUFFER, 16 * VIEW_ROWS, None, g.GL_STREAM_DRAW)
         tile = ripples()
-        breath = Texture((tile.shape[1], tile.shape[0]), "RGBA8", repeat="REPEAT", levels=True)
+        breath = Texture((tile.shape[1], tile.shape[0]), "RGBA8", repeat="REPEAT", levels="NEAREST")
         breath.put(tile)
         breath.make_levels()
         self.inputs: dict[str, Texture] = {"ripples": breath}
-        self._size = size
 
     def put_surface(self, surface: ShaderSurface) -> None:
         """Hand heights over."""
@@ -357,6 +342,15 @@ class WaterPasses:
         g.glDeleteVertexArrays(1, [self._vertices])
         g.glDeleteBuffers(1, [self._view])
 
+    def _program(self, kind: str) -> int:
+        """Parts of `water.glsl`, compiled when they are first needed."""
+        if kind not in self._programs:
+            flipped = ["FLIPPED"] if kind.split()[0] in _FLIPPED else []
+            made = self._programs[kind] = program(*kind.split(), *flipped)
+            place = gl().glGetUniformLocation(made, "tiles")
+            gl().glUniform3i(place, *self._size, self._columns)
+        return self._programs[kind]
+
     def _set_view(self, view: Array) -> None:
         g = gl()
         g.glBindBuffer(g.GL_UNIFORM_BUFFER, self._view)
@@ -383,7 +377,7 @@ class WaterPasses:
             g.GL_DEPTH_TEST, g.GL_BLEND, g.GL_CULL_FACE, g.GL_SCISSOR_TEST, g.GL_STENCIL_TEST
         ):  # fmt: skip
             g.glDisable(setting)
-        g.glUseProgram(self._programs[kind])
+        g.glUseProgram(self._program(kind))
         if textures is None:
             textures = {**self.inputs, **self.model.textures}
             if target is not self.light:

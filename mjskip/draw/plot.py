@@ -11,12 +11,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from mjskip._typing import Array
 from mjskip.errors import MjskipError
 from mjskip.files import whole_file
 from mjskip.rigid.attitude import angles, matrices
 from mjskip.throws.trajectory import Trajectory
-
-Array = npt.NDArray[np.float64]
 
 SUFFIXES = (".png", ".svg", ".pdf")
 

@@ -15,7 +15,8 @@ from scipy.ndimage import gaussian_filter1d
 
 from mjskip.draw.gl import gl_renderer as gl_renderer
 from mjskip.draw.gl import is_software as is_software
-from mjskip.draw.overlay import Overlay, caption, numbers_at
+from mjskip.draw.overlay import Overlay, numbers_at
+from mjskip.draw.overlay import caption as write_caption
 from mjskip.draw.skin import Grid
 from mjskip.draw.stage import LOOKS as LOOKS
 from mjskip.draw.stage import Look as Look
@@ -86,13 +87,25 @@ class Shot:
             raise ValueError(f"linger is {self.linger!r} s: give a number from 0 to 3600")
 
 
+USUAL = Shot()
+"""How a throw is filmed if nothing else is said."""
+
+
 def render_video(
     scene: Scene,
     trajectory: Flights,
     path: str | Path,
     *,
+    camera: str = "side",
+    size: tuple[int, int] = (640, 480),
+    fps: float = 30.0,
+    slow: float = 1.0,
+    look: Look = "shaded",
+    linger: float = 1.0,
+    trail: bool = True,
+    marks: bool = True,
+    caption: bool = True,
     progress: Progress | None = None,
-    **shot: Any,
 ) -> Path:
     """Write a video of a throw: h264, or an animated WebP or GIF.
 
@@ -102,8 +115,16 @@ def render_video(
         scene: where it was thrown.
         trajectory: what the stone did; a mapping from body names when there are several stones.
         path: .mp4, .mkv, .mov, .webp or .gif in a folder that exists.
+        camera: by its name in the scene.
+        size: width and height, even [pixels].
+        fps: frames per second.
+        slow: how many times slower than it was; 1 is its own speed.
+        look: "shaded", or "plain" which is quicker.
+        linger: how long the film goes on with the rings after the throw is over [s of film].
+        trail: whether the stone's path fades behind it.
+        marks: whether a ring stays where it touched.
+        caption: whether speed, spin and skips are written into the corner.
         progress: called with the frames done and to do.
-        **shot: as for `Shot`: camera, size, fps, slow, look, linger, trail, marks, caption.
 
     Returns:
         The path.
@@ -115,17 +136,14 @@ def render_video(
     """
     path = Path(path)
     check_video_path(path)
-    plan = Shot(**shot)
-    images = frames(scene, trajectory, **shot)
+    shot = Shot(
+        camera=camera, size=size, fps=fps, slow=slow, look=look, linger=linger, trail=trail,
+        marks=marks, caption=caption,
+    )  # fmt: skip
+    images = frames(scene, trajectory, shot)
     with contextlib.closing(images):
-        return write_video(
-            images,
-            path,
-            size=plan.size,
-            fps=plan.fps,
-            total=len(shot_times(trajectory, plan)),
-            progress=progress,
-        )
+        total = len(shot_times(trajectory, shot))
+        return write_video(images, path, size=size, fps=fps, total=total, progress=progress)
 
 
 def render_frames(
@@ -133,20 +151,20 @@ def render_frames(
     trajectory: Flights,
     folder: str | Path,
     *,
+    shot: Shot = USUAL,
     progress: Progress | None = None,
-    **shot: Any,
 ) -> list[Path]:
     """Write a throw as frame_0000.png and so on into a folder that exists; see `render_video`."""
     folder = Path(folder)
     check_folder(folder)
-    images = frames(scene, trajectory, **shot)
+    images = frames(scene, trajectory, shot)
     with contextlib.closing(images):
-        total = len(shot_times(trajectory, Shot(**shot)))
+        total = len(shot_times(trajectory, shot))
         return write_pngs(images, folder, total=total, progress=progress)
 
 
 def frames(
-    scene: Scene, trajectory: Flights, *, times: Array | None = None, **shot: Any
+    scene: Scene, trajectory: Flights, shot: Shot = USUAL, *, times: Array | None = None
 ) -> Generator[Image, None, None]:
     """The pictures (height, width, 3) of a throw, one at a time; see `render_video`.
 
@@ -156,21 +174,20 @@ def frames(
     Args:
         scene: where it was thrown.
         trajectory: what the stones did.
+        shot: how it is filmed.
         times: ascending moments to draw [s]; those of the film if None.
-        **shot: as for `Shot`.
     """
-    plan = Shot(**shot)
     if times is None:
-        times = shot_times(trajectory, plan)
+        times = shot_times(trajectory, shot)
     flights = _by_body(scene, trajectory)
     field = scene.field()
     body = scene.body if scene.body in flights else next(iter(flights))
     grid = Grid.around(step=max(field.spacing, _STEP * largest_radius(scene.model, body)))
-    stage = Stage(scene, flights, camera=plan.camera, size=plan.size, grid=grid, look=plan.look)
+    stage = Stage(scene, flights, camera=shot.camera, size=shot.size, grid=grid, look=shot.look)
     # the stage opens here, not at the first picture: what is wrong shows before a file is begun
     stage.open()
     wake = Wake(field, list(flights.values()), density=scene.water.density)
-    return _play(stage, field, wake, times, flights, body, plan)
+    return _play(stage, field, wake, times, flights, body, shot)
 
 
 def _play(
@@ -196,7 +213,7 @@ def _play(
                 overlay.draw(image, time, stage.eye)
             if plan.caption:
                 slowed = f"  ·  {plan.slow:g} times slower" if plan.slow > 1.0 else ""
-                caption(image, numbers_at(flights[body], time) + slowed)
+                write_caption(image, numbers_at(flights[body], time) + slowed)
             yield image
 
 

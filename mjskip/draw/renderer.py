@@ -13,8 +13,8 @@ import numpy.typing as npt
 from mjskip.draw import tiles
 from mjskip.draw.appearance import WaterAppearance
 from mjskip.draw.geoms import SURELY_ABOVE, Ellipsoids, Standing, moving_geoms, outlines, sun_of
-from mjskip.draw.gl import offscreen
-from mjskip.draw.passes import VIEW_ROWS, WaterPasses, gl, has_shaders, own_state
+from mjskip.draw.gl import offscreen, shaders_work
+from mjskip.draw.passes import VIEW_ROWS, WaterPasses, gl, own_state
 from mjskip.draw.surface import BLOCK, BORDER, Patch, ShaderSurface, patch_of
 from mjskip.draw.surroundings import Surroundings
 from mjskip.errors import RenderError
@@ -93,16 +93,14 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         self._surroundings: Surroundings | None = None
         self._time = 0.0
         self._patch((0.0, 0.0))
+        if not shaders_work():
+            raise RenderError(
+                "this OpenGL does not know GLSL 3.30: update its driver, or film with look='plain'"
+            )
         with offscreen():
             super().__init__(model, height, width, max_geom, font_scale)
-        with self._current():
-            if not has_shaders():
-                self.close()
-                raise RenderError(
-                    "this OpenGL does not know GLSL 3.30: draw with look='plain', or update its driver"
-                )
-            with own_state():
-                self._passes = WaterPasses((width, height))
+        with self._current(), own_state():
+            self._passes = WaterPasses((width, height))
         self._sun = sun_of(model)
         self._standing, self._moving = Standing.of(model), moving_geoms(model)
         self._ellipsoids = Ellipsoids.of(model, self._moving)
@@ -232,14 +230,13 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         water, whole, boxes = tiles.footprints(view, size)
         first = np.array(patch.origin) - (BORDER + 0.5) * patch.spacing
         waves = tiles.rough(boxes, self._surface.tallest, first, patch.spacing, depth)
-        images = tiles.around_bodies(eye, sun, self._bodies[:, :4], depth)
+        mirror, dive, shade = tiles.around_bodies(eye, sun, self._bodies[:, :4], depth)
         before = tiles.hidden_by(eye, *self._outlines)
-        standing, bodies, hidden = (
-            tiles.overlap(boxes, others) for others in (self._standing.boxes, images, before)
-        )
         # what else a scene holds, marks of a user for instance, may be anywhere
         whole &= self._usual and not self._scene.nskin and not self._scene.nflex
-        return tiles.programs(water, waves, standing, bodies, hidden, whole)
+        others = before, self._standing.boxes, mirror, dive, shade
+        hidden, *special = (tiles.overlap(boxes, other) for other in others)
+        return tiles.programs(water, whole, hidden, waves, *special)
 
     def _patch(self, focus: tuple[float, float]) -> Patch:
         """What is drawn of the water now."""
@@ -279,7 +276,7 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         ):
             scale = 1.0 / (np.array(values.shape[:2]) * side)
             view[row] = *(-first * scale), *scale
-        view[7, 0] = patch.spacing
+        view[7, :2] = patch.spacing, -self._depth
         view[0, 3] = 1.0 if position[2] > _height_at(patch, position) else -1.0
         sun, colour = self._sun
         view[8] = *sun, 0.0 if self.linear else self.appearance.wind

@@ -9,9 +9,8 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
+from mjskip._typing import Array
 from mjskip.draw._draw_kernels import box_means, fill_skin
-
-Array = npt.NDArray[np.float64]
 
 VERTICES = 125 * 125
 """Most vertices drawn: more are smaller than a pixel at 640 x 480 and cost their share."""

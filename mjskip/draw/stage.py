@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import warnings
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
@@ -10,12 +10,13 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from mjskip.draw.canvas import Canvas
-from mjskip.draw.optics import Eye, Lake
-from mjskip.draw.scenery import ellipsoids_of, lake_of
-from mjskip.draw.skin import Grid, Surface, WaterSkin, add_water
+from mjskip.draw.eye import Eye
+from mjskip.draw.gl import offscreen, shaders_work
+from mjskip.draw.renderer import Renderer
+from mjskip.draw.skin import Grid, WaterSkin, add_water
+from mjskip.draw.surface import patch_of
 from mjskip.draw.video import Image
-from mjskip.errors import RenderError, SceneError
+from mjskip.errors import MjskipWarning, RenderError, SceneError
 from mjskip.throws.trajectory import Trajectory, pose_at
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ LOOKS: tuple[Look, ...] = get_args(Look)
 _GOES_ON = ("planing", "out of time")  # ends after which a stone moved on: it is not drawn any more
 _AWAY = 1e3  # [m] below
 _HIDDEN = 5  # a geom group that MuJoCo does not draw by default
+_WET = 0.55  # of its colour that a wet stone has
 
 
 class Stage:
@@ -51,32 +53,34 @@ class Stage:
     ) -> None:
         if look not in LOOKS:
             raise ValueError(f"look is {look!r}: use one of {', '.join(LOOKS)}")
-        self._flights = dict(flights)
-        self._size = size
+        self._flights, self._size, self._grid = dict(flights), size, grid
         self._focus = scene.body if scene.body in self._flights else next(iter(self._flights))
         spec = mujoco.MjSpec.from_file(str(scene.path))
-        if look == "plain":
+        self._plain = look == "plain" or not shaders_work()
+        if self._plain:
+            if look != "plain":
+                warnings.warn(
+                    "this OpenGL does not know GLSL 3.30: drawn with the plain look",
+                    MjskipWarning,
+                    stacklevel=2,
+                )
             add_water(spec, grid)
         self.model = spec.compile()
         self._camera = check_camera(self.model, camera)
         self._addresses = {name: _free_joint(self.model, name) for name in self._flights}
         _hide_others(self.model, self._addresses)
-        self._groups = self.model.geom_group.copy()
         wide, high = size
         self.model.vis.global_.offwidth = max(wide, self.model.vis.global_.offwidth)
         self.model.vis.global_.offheight = max(high, self.model.vis.global_.offheight)
-        self._skin = WaterSkin(self.model, grid) if look == "plain" else None
         self.data = mujoco.MjData(self.model)
         self._place()
         self._camera_height = self._height_in_scene()
-        self._look = look
-        self._scene = scene
-        self._lake: Lake | None = None
         self._thrown = {name: self.model.body(name).id for name in self._addresses}
-        self._canvas: Canvas | None = None
+        self._skin = WaterSkin(self.model, grid) if self._plain else None
+        self._renderer: Any = None
         self.eye = Eye(
             position=np.zeros(3), forward=np.array([1.0, 0.0, 0.0]),
-            up=np.array([0.0, 0.0, 1.0]), half_height=1.0, aspect=1.0,
+            up=np.array([0.0, 0.0, 1.0]), half_height=1.0, aspect=wide / high,
         )  # fmt: skip
 
     def open(self) -> None:
@@ -85,32 +89,28 @@ class Stage:
         Raises:
             RenderError: none can be made here.
         """
-        self._canvas = Canvas(self.model, size=self._size)
-        if self._look == "shaded":
-            self._lake = lake_of(
-                self.model,
-                self.data,
-                self._canvas,
-                field=self._scene.grid,
-                stones=list(self._thrown.values()),
-            )
+        wide, high = self._size
+        with offscreen():
+            make = mujoco.Renderer if self._plain else Renderer
+            self._renderer = make(self.model, high, wide)
+        for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
+            self._renderer.scene.flags[flag] = 0  # each redraws everything; the water shows neither
 
     def close(self) -> None:
         """Free the GL context."""
-        if self._canvas is not None:
-            self._canvas.close()
-            self._canvas = None
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
 
-    def draw(self, time: float, surface: Surface, *, centre: Array | None = None) -> Image:
+    def draw(self, time: float, surface: Any, *, centre: Array | None = None) -> Image:
         """The picture (height, width, 3) of one moment.
 
         Args:
             time: [s].
-            surface: of the water.
+            surface: water, see `mjskip.draw.surface.patch_of`.
             centre: what a camera that follows looks at (3,) [m]; the stone if None.
         """
-        canvas = self._canvas
-        if canvas is None:
+        if self._renderer is None:
             raise RenderError("the stage is closed: open it before drawing")
         self._put_stones(time)
         if self._camera_height is not None:
@@ -118,47 +118,33 @@ class Stage:
             own = self.data.xipos[self.model.cam_bodyid[self._camera]]
             ahead = self.data.xipos[self._thrown[self._focus]] if centre is None else centre
             self.data.cam_xpos[self._camera] += ahead - own
-        if self._camera_height is not None:
             self.data.cam_xpos[self._camera, 2] = self._camera_height
-        self._leave_out_what_is_out_of_sight()
-        canvas.update(self.data, camera=self._camera)
-        self.eye = canvas.eye()
-        x, y, _ = pose_at(self._flights[self._focus], time)[0]
+        self.data.time = time
+        if not self._plain:
+            self._renderer.water = surface
+        self._renderer.update_scene(self.data, self._camera)
+        self._wet_stones(time)
+        self.eye = Eye.of(self._renderer.scene, self._size[0] / self._size[1])
         if self._skin is not None:
-            self._skin.draw(canvas.scene, surface, focus=(float(x), float(y)))
-            return np.ascontiguousarray(canvas.picture()[::-1])
-        return self._shaded(canvas, time, surface, (float(x), float(y)))
+            x, y, _ = pose_at(self._flights[self._focus], time)[0].tolist()
+            self._skin.draw(self._renderer.scene, patch_of(surface, focus=(x, y)), focus=(x, y))
+        image: Image = self._renderer.render()
+        return image
 
-    def _shaded(
-        self, canvas: Canvas, time: float, surface: Surface, focus: tuple[float, float]
-    ) -> Image:
-        assert self._lake is not None
-        picture, distances = canvas.picture_and_distances()
-        return self._lake.draw(
-            self.eye,
-            picture,
-            distances,
-            elevation=surface.elevation,
-            spacing=surface.spacing,
-            centre=surface.centre,
-            stones=ellipsoids_of(self.model, self.data, list(self._thrown.values())),
-            focus=focus,
-            time=time,
-        )
-
-    def _leave_out_what_is_out_of_sight(self) -> None:
-        """MuJoCo transforms every geom: half of a frame's time goes to what is beside the picture."""
-        half = math.tan(0.5 * math.radians(float(self.model.cam_fovy[self._camera])))
-        axes = self.data.cam_xmat[self._camera].reshape(3, 3)  # right, up, back
-        at = (self.data.geom_xpos - self.data.cam_xpos[self._camera]) @ axes
-        radius = self.model.geom_rbound
-        seen = at[:, 2] < radius
-        for axis, tangent in ((0, half * self._size[0] / self._size[1]), (1, half)):
-            # distance beyond the side planes of the pyramid of sight
-            beyond = (np.abs(at[:, axis]) + tangent * at[:, 2]) / math.hypot(1.0, tangent)
-            seen &= beyond < radius
-        seen |= radius == 0.0  # a plane has no end
-        self.model.geom_group[:] = np.where(seen, self._groups, _HIDDEN)
+    def _wet_stones(self, time: float) -> None:
+        """A stone that has been under water is darker."""
+        wet = {
+            self._thrown[name]
+            for name, flight in self._flights.items()
+            if flight.contacts and time > flight.contacts[0].entry.time
+        }
+        scene = self._renderer.scene
+        for geom in scene.geoms[: scene.ngeom] if wet else ():
+            if (
+                geom.objtype == mujoco.mjtObj.mjOBJ_GEOM
+                and self.model.geom_bodyid[geom.objid] in wet
+            ):
+                geom.rgba[:3] *= _WET
 
     def _put_stones(self, time: float) -> None:
         for name, flight in self._flights.items():

@@ -81,7 +81,7 @@ class Surroundings:
         most = int(gl().glGetIntegerv(gl().GL_MAX_TEXTURE_SIZE))
         count = min(_LARGEST, most, 2 ** math.ceil(math.log2(2.0 * reach / _TEXEL)))
         texel = 2.0 * reach / count
-        bottom = Texture((count, count), "RGBA8", repeat="MIRRORED_REPEAT", levels=True)
+        bottom = Texture((count, count), "RGBA8", repeat="MIRRORED_REPEAT", levels="NEAREST")
         depths = Texture((count, count), "DEPTH32F_STENCIL8", smooth=False)
         wide, high = (min(size, count) for size in self._target.size)
         corner = np.array(centre) - reach

@@ -92,8 +92,10 @@ def rough(
     return np.asarray(counts[k, n] - counts[i, n] - counts[k, j] + counts[i, j] > 0)
 
 
-def around_bodies(eye: Array, sun: Array, bodies: Array, depth: float) -> Array:
-    """Boxes (n, 4) on the water where bodies are mirrored, cast shadows or are seen through it.
+def around_bodies(
+    eye: Array, sun: Array, bodies: Array, depth: float
+) -> tuple[Array, Array, Array]:
+    """Boxes (n, 4) on the water where bodies are mirrored, are seen through it, and cast shadows.
 
     Args:
         eye: (3,) [m].
@@ -105,29 +107,29 @@ def around_bodies(eye: Array, sun: Array, bodies: Array, depth: float) -> Array:
     above, under = np.maximum(height, 0.0), np.maximum(radius - height, 0.0)
     cast = centre - above * sun[:2] / sun[2]  # its shadow on the surface, and on the bottom
     sunk = cast - depth * sun[:2] / math.sqrt(0.777 + sun[2] ** 2)
-    mirrored = eye[:2] + (centre - eye[:2]) * (eye[2] / (eye[2] + above))
+    share = eye[2] / (eye[2] + above)  # of the way to the image, to the surface
+    mirrored = eye[:2] + (centre - eye[:2]) * share
     flat = np.linalg.norm(centre - eye[:2], axis=1, keepdims=True) / (eye[2] + above)
-    found = []
-    for place, size, below in (
-        (mirrored, radius * (1.2 + flat), 0.0 * height),  # waves stretch an image towards the eye
-        (centre, radius, under),
-        (cast, radius, 0.0 * height),
-        (sunk, 1.5 * radius, depth + 0.0 * height),
-    ):
-        # what is under water is seen through the surface between it and the eye: the angle there is between those
-        # to the place itself and to the surface over it
+
+    def box(place: Array, size: Array, below: Array | float = 0.0) -> Array:
+        """What is under water is seen through the surface between it and the eye.
+
+        The angle there is between those to the place itself and to the surface over it.
+        """
         toward = eye[:2] - place
         away = np.linalg.norm(toward, axis=1, keepdims=True)
+        ends = []
         for rise in (eye[2], eye[2] + below):
             sine = away / np.hypot(away, rise) / 1.333
-            through = place + below * sine / np.sqrt(1.0 - sine**2) * toward / np.maximum(
-                away, 1e-9
-            )
-            found.append(np.concatenate([through - size, through + size], axis=1)[:, [0, 2, 1, 3]])
-    # an image lies between the two angles: one box about both
-    pairs = [np.stack(pair) for pair in zip(found[::2], found[1::2], strict=True)]
-    return np.concatenate(
-        [np.where([True, False, True, False], pair.min(axis=0), pair.max(axis=0)) for pair in pairs]
+            step = below * sine / np.sqrt(1.0 - sine**2) / np.maximum(away, 1e-9)
+            ends += [place + step * toward - size, place + step * toward + size]
+        least, most = np.min(ends, axis=0), np.max(ends, axis=0)
+        return np.stack([least[:, 0], most[:, 0], least[:, 1], most[:, 1]], axis=1)
+
+    return (
+        box(mirrored, 1.3 * radius * share * np.hypot(1.0, flat)),  # waves make it larger
+        box(centre, radius, under)[under[:, 0] > 0.0],
+        np.concatenate([box(cast, radius), box(sunk, 1.5 * radius, depth)]),
     )
 
 
@@ -156,38 +158,45 @@ def hidden_by(eye: Array, low: Array, high: Array) -> Array:
 def under_water(size: tuple[int, int]) -> dict[str, Flags]:
     """Tiles of a picture [pixels] by the programs that draw them for an eye under water."""
     every = np.ones((-(-size[1] // TILE), -(-size[0] // TILE)), np.bool_)
-    return {"LIGHT WAVES BODIES SUNK": every, "PICTURE STANDING SUNK": every}
+    return {"LIGHT WAVES SHADE MIRROR DIVE SUNK": every, "PICTURE STANDING SUNK": every}
 
 
 def programs(
-    water: Flags,
-    waves: Flags,
-    standing: Flags,
-    bodies: Flags,
-    hidden: Flags,
-    whole: Flags,
-) -> dict[str, Flags]:
+    water: Flags, whole: Flags, hidden: Flags, waves: Flags, standing: Flags,
+    mirror: Flags, dive: Flags, shade: Flags,
+) -> dict[str, Flags]:  # fmt: skip
     """Tiles by the programs that draw them, in the order of drawing.
 
     Args:
         water: holds some.
+        whole: nothing but water and geoms in it, no horizon.
+        hidden: may hold geoms before the water.
         waves: may hold waves.
         standing: may hold what stands in the water.
-        bodies: may hold images of bodies that move.
-        hidden: may hold geoms before the water.
-        whole: nothing but water and geoms in it, no horizon.
+        mirror: may hold images of bodies that move.
+        dive: may hold bodies that move under water.
+        shade: may hold shadows.
     """
-    standing, bodies = water & standing & ~bodies, water & bodies
-    plain = water & ~standing & ~bodies
-    sure = water & whole & ~standing & ~hidden
+    found: dict[str, Flags] = {}
+    rest = water
+    for kind, needed in (
+        ("WAVES STANDING SHADE MIRROR DIVE", dive),
+        ("WAVES STANDING SHADE MIRROR", mirror),
+        ("WAVES STANDING SHADE", shade & standing),
+        ("WAVES SHADE", shade),
+        ("WAVES STANDING", standing),
+        ("WAVES", waves),
+        ("", water),
+    ):
+        found[f"LIGHT {kind}".strip()] = rest & needed
+        rest = rest & ~needed
+    sure = water & whole & ~standing & ~hidden & ~dive
+    exact = standing | mirror | dive
     rest = water & ~sure
-    return {
-        "LIGHT": plain & ~waves,
-        "LIGHT WAVES": plain & waves,
-        "LIGHT WAVES STANDING": standing,
-        "LIGHT WAVES STANDING BODIES": bodies,
+    pictures = {
         "COPY": ~water,
         "SURE": sure,
-        "PICTURE": rest & plain,
-        "PICTURE STANDING": rest & ~plain,
+        "PICTURE": rest & ~exact,
+        "PICTURE STANDING": rest & exact,
     }
+    return found | pictures

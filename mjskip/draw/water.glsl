@@ -2,8 +2,8 @@
 //
 //   LIGHT     half as many pixels each way: where the surface is, how it leans, and Fresnel's mixture of what
 //             is mirrored in it and seen through it. WAVES: with those of the field, else as still water. STANDING:
-//             also what stands in it and reaches out, as the picture shows it. BODIES: also what moves. SUNK: the
-//             eye is under water.
+//             also what stands in it and reaches out, as the picture shows it. SHADE: shadows of what moves, MIRROR:
+//             images of it, DIVE: what of it is under water. SUNK: the eye is under water.
 //   PICTURE   every pixel: which of water and geom is nearer. STANDING: of waves, else of still water. Where it is known
 //             without looking, SURE water, or a COPY of the rest.
 //   DISTANCE  every pixel: how far the water is, for depth and segmentation.
@@ -23,7 +23,6 @@ const float INDEX = 1.333;     // of refraction of water
 const float AWAY = 1e9;        // [m]: a distance that nothing is at
 const float BLOCK = 16.0;      // cells a side of the blocks of which the greatest height is known
 const float BLUNT = 0.1;       // square of the width of a focus, in units of unfocused light
-const float SHALLOW = 0.15;    // [m]: from about this depth comes the light that deep water scatters
 const float FAR = 25.0;        // [m]: nothing is seen so far through water
 const float BREATH = 2.56;     // [m] side of a tile of ripples
 const float TEXEL = 0.01;      // [m] of it
@@ -39,7 +38,7 @@ layout(std140) uniform View {
     vec4 planes;     // 1 / far, 1 / near - 1 / far, near, far - near [m]
     vec4 field;      // offsets along x and y, and scales [1/m], of places in the texture of heights
     vec4 blocks;     // the same for the texture of their greatest
-    vec4 cells;      // spacing [m]
+    vec4 cells;      // spacing, height of the deepest bottom [m]
     vec4 sun;        // unit, towards it; strength of the wind's ripples
     vec4 sunlight;   // its colour; share of the light on the bottom that comes straight from it
     vec4 absorption; // [1/m]; time [s]
@@ -108,12 +107,11 @@ float strike(vec3 o, vec3 d)
 }
 
 // Slopes as means over a pixel's footprint: a difference over its length is the mean slope along it.
-vec2 slopes(vec2 p, vec2 along, float length_along, float length_across)
+vec2 slopes(vec3 p, vec2 along, float length_along, float length_across)
 {
     float a = max(cells.x, length_along), b = max(cells.x, length_across);
     vec2 across = vec2(-along.y, along.x);
-    float rise = height(p + a * along) - height(p - a * along), side = height(p + b * across) - height(p - b * across);
-    return 0.5 * (rise / a * along + side / b * across);
+    return (height(p.xy + a * along) - p.z) / a * along + (height(p.xy + b * across) - p.z) / b * across;
 }
 
 // Slopes of a breath of wind, drawn only: two sheets of one tile drift over one another, the second turned by
@@ -176,7 +174,7 @@ float meet(int k, vec3 o, vec3 d, out float near)
 float shadow(vec3 p, vec3 toward)
 {
     float light = 1.0;
-#ifdef BODIES
+#ifdef SHADE
     float near;
     for (int k = 0; k < int(around.z); ++k) {
         meet(k, p, toward, near);
@@ -220,19 +218,17 @@ vec3 project(vec3 p)
 vec4 moving(vec3 o, vec3 d, float reach)
 {
     vec4 found = vec4(0.0, 0.0, 0.0, AWAY);
-#ifdef BODIES
     float near;
     for (int k = 0; k < int(around.z); ++k) {
         float t = meet(k, o, d, near);
         if (near > 3.0) continue; // the corners of a box
         // march through the picture within the sphere about it
         float middle = dot(bodies[4 * k].xyz - o, d), half_length = bodies[4 * k].w;
-        float step = half_length / 6.0;
+        float step = half_length / 5.0;
         for (float s = max(middle - half_length, 0.0); s < middle + half_length; s += step) {
             vec3 seen = project(o + s * d);
-            if (any(lessThan(seen.xy, vec2(0.0))) || any(greaterThan(seen.xy, vec2(1.0)))) continue;
-            float behind = seen.z - range(seen.xy);
-            vec3 point = origin(seen.xy) + range(seen.xy) * direction(seen.xy);
+            float shown = range(seen.xy), behind = seen.z - shown;
+            vec3 point = origin(seen.xy) + shown * direction(seen.xy);
             if (behind > 0.0 && behind < 2.0 * step && distance(point, bodies[4 * k].xyz) < 1.1 * half_length) {
                 if (s < min(found.w, reach)) found = vec4(textureLod(picture, seen.xy, 0.0).rgb, s);
                 t = AWAY;
@@ -249,7 +245,6 @@ vec4 moving(vec3 o, vec3 d, float reach)
             }
         }
     }
-#endif
     return found;
 }
 
@@ -261,8 +256,10 @@ vec3 sky(vec3 d)
 // What a ray above the water meets: bodies that move, the scenery that stands, the sky.
 vec3 above(vec3 o, vec3 d)
 {
+#ifdef MIRROR
     vec4 body = moving(o, d, AWAY);
     if (body.w < AWAY) return body.rgb;
+#endif
     vec3 look = d;
     float stored = 0.0;
     for (int k = 0; k < 2; ++k) {
@@ -298,16 +295,19 @@ float light_at(vec3 q, float width)
 
 // What a ray under water meets, bodies that move, what stands in the water or the bottom; and how far away.
 // Screen: how far ahead the picture shows something here, along the straight line.
-vec3 below(vec3 o, vec3 d, float screen, float width, float curved, float lit)
+vec3 below(vec3 o, vec3 d, float screen, float width, float lit)
 {
-    float floor_height = sounding(o.xy), span = AWAY;
+    float floor_height = cells.y, span = AWAY;
     if (d.z < -1e-3)
         for (int k = 0; k < 2; ++k) {
             span = max((floor_height - o.z) / d.z, 0.0);
             if (span > FAR) break;
             floor_height = sounding(o.xy + span * d.xy);
         }
-    vec4 body = moving(o, d, span);
+    vec4 body = vec4(0.0, 0.0, 0.0, AWAY);
+#ifdef DIVE
+    body = moving(o, d, span);
+#endif
     vec3 colour = body.rgb;
     if (body.w < AWAY) {
         span = body.w;
@@ -335,8 +335,7 @@ vec3 below(vec3 o, vec3 d, float screen, float width, float curved, float lit)
 #endif
         colour *= 1.0 + sunlight.w * (light_at(q, width) - 1.0);
     }
-    // the colour that the water scatters is brighter under a crest, which gathers light
-    vec3 deep = scattered.rgb * (0.45 + 0.55 * lit) * (0.3 + 0.7 * caustic(SHALLOW, curved));
+    vec3 deep = scattered.rgb * (0.35 + 0.65 * lit);
     vec3 kept = exp(-absorption.rgb * min(span, 1e3));
     return kept * colour + (1.0 - kept) * deep;
 }
@@ -373,24 +372,23 @@ void main()
     float pixel = 2.0 * up.w * (ahead.w == 1.0 ? 1.0 : t), slant = max(abs(d.z), 0.02);
     float width = pixel * inversesqrt(slant);
     vec2 slope = wind(p.xy, width);
-    float curved = 0.0;
 #ifdef WAVES
-    slope += slopes(p.xy, normalize(d.xy + 1e-9), pixel / slant, pixel);
-    curved = bend_at(p.xy);
+    slope += slopes(p, normalize(d.xy + 1e-9), pixel / slant, pixel);
 #endif
     vec3 n = normal_of(slope, d), bent = refract(d, n, eye.w > 0.0 ? 1.0 / INDEX : INDEX), back = reflect(d, n);
     float lit = shadow(p, sun.xyz), part = fresnel(-dot(d, n), eye.w > 0.0 ? 1.0 / INDEX : INDEX);
 #ifdef SUNK
     bent = part < 1.0 ? normalize(vec3(bent.xy, max(bent.z, 0.01))) : vec3(0.0, 0.0, 1.0);
     vec3 through = above(p, bent);
-    vec3 mirrored = below(p, normalize(vec3(back.xy, min(back.z, -0.01))), AWAY, width, curved, 1.0);
+    vec3 mirrored = below(p, normalize(vec3(back.xy, min(back.z, -0.01))), AWAY, width, 1.0);
 #else
     float screen = AWAY;
 #ifdef STANDING
     screen = range(at);
     if (screen < t) screen = AWAY;
 #endif
-    vec3 through = below(p, bent, screen, width, curved, lit);
+    // a slope towards the sun takes in more of its light, which the water scatters
+    vec3 through = below(p, bent, screen, width, lit * clamp(dot(n, sun.xyz) / sun.z, 0.2, 2.0));
     vec3 mirrored = above(p, normalize(vec3(back.xy, max(back.z, 0.01))));
 #endif
     vec3 mixed = (1.0 - part) * through + part * mirrored;

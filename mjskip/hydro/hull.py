@@ -13,7 +13,7 @@ import numpy.typing as npt
 from mjskip._typing import Array
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Hull:
     """The outside of a rigid body in its own frame: axes of the body, origin at its centre of mass.
 
@@ -30,6 +30,9 @@ class Hull:
     disc_normal: Array
     disc_area: float
     disc_centre: Array
+
+    def __repr__(self) -> str:
+        return f"Hull({len(self.faces)} triangles, radius {self.radius:.3g} m)"
 
     @classmethod
     def of_surface(cls, *, vertices: Array, faces: npt.NDArray[np.int32], inertia: Array) -> Hull:

@@ -19,7 +19,7 @@ GRANITE = 2600.0
 """Density of the stones made here unless another is given [kg/m^3]."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Stone(Hull):
     """A rigid body that is thrown.
 
@@ -30,6 +30,9 @@ class Stone(Hull):
 
     mass: float
     inertia: Array
+
+    def __repr__(self) -> str:
+        return f"Stone({len(self.faces)} triangles, {self.mass:.3g} kg, radius {self.radius:.3g} m)"
 
     @classmethod
     def pebble(

@@ -13,6 +13,7 @@ from numba import types
 
 from mjskip._compile.jit import native
 from mjskip._compile.pointers import F8P, address_of_cfunc
+from mjskip._typing import Array
 from mjskip.hydro import _wrench_kernels as kernels
 from mjskip.hydro.columns import LOAD, load_columns
 from mjskip.hydro.hull import Hull
@@ -20,8 +21,6 @@ from mjskip.hydro.packing import pack as pack
 from mjskip.hydro.water import Water
 from mjskip.rigid.attitude import matrices
 from mjskip.rigid.state import pack_states
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,15 +7,11 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
-
+from mjskip._typing import Array
 from mjskip.play.thrown import ThrowResult
 from mjskip.throws.trajectory import pose_at
 from mjskip.throws.wake import Wake
 from mjskip.waves.lake import Lake
-
-Array = npt.NDArray[np.float64]
 
 AFTER = 4.0
 """How long rings are shown after the stone's run is over [s]."""

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from mjskip._typing import Array
 from mjskip.draw._draw_kernels import box_means
 from mjskip.waves.lake import Lake
-
-Array = npt.NDArray[np.float64]
 
 SHAPE = (300, 100)
 """Vertices along the throw and across it."""

@@ -78,6 +78,16 @@ class Outcomes:
     exit_velocity: Array
     steps: npt.NDArray[np.int64]
 
+    @property
+    def exit_speed(self) -> Array:
+        """Speed as it first left the water (n,) [m/s]."""
+        return np.asarray(np.linalg.norm(self.exit_velocity, axis=1), dtype=np.float64)
+
+    @property
+    def exit_climb(self) -> Array:
+        """Vertical velocity as it first left the water (n,) [m/s]."""
+        return self.exit_velocity[:, 2]
+
     def __repr__(self) -> str:
         return f"Outcomes({len(self.skips)} throws, {self.skips.sum()} skips)"
 
@@ -120,6 +130,8 @@ def throw_all(
     check_positive(timestep=timestep)
     check_choice("integrator", integrator, FIXED_STEP)
     check_choice("air", air, AIRS)
+    if not isinstance(throws, Sequence):
+        raise fault("throws", throws, "give a row of throws")
     count = len(throws)
     stones = _each("stone", stone, Stone, count)
     waters = _each("water", Water() if water is None else water, Water, count)

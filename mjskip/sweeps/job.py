@@ -79,13 +79,12 @@ class Job:
     @property
     def base(self) -> dict[str, Any]:
         """Every parameter as it is before anything is varied."""
-        along = self.stone.vertices @ self.stone.disc_normal
         return {
             **{name: getattr(self.throw, name) for name in THROW},
             "radius": _reach(self.stone),
-            "thickness": float(np.ptp(along)),
+            "thickness": self.stone.thickness,
             "mass": self.stone.mass,
-            "stone_density": self.stone.mass / _volume(self.stone),
+            "stone_density": self.stone.mass / self.stone.volume,
             "water_density": self.water.density,
             "air_density": self.water.air_density,
             "viscosity": self.water.viscosity,
@@ -128,20 +127,8 @@ def _by_reference(job: Job, todo: list[Any], found: dict[str, Any], threads: int
         gravity=job.gravity, air=job.air, threads=threads,
     )  # fmt: skip
     lost = done.end == "diverged"
-    results = {
-        "skips": done.skips,
-        "touches": done.touches,
-        "time": done.time,
-        "distance": done.distance,
-        "drift": done.drift,
-        "depth": done.depth,
-        "first_entry": done.first_entry,
-        "first_exit": done.first_exit,
-        "exit_speed": np.linalg.norm(done.exit_velocity, axis=1),
-        "exit_climb": done.exit_velocity[:, 2],
-    }
-    for name, values in results.items():
-        found[name][rows] = np.where(lost, np.nan, values)
+    for name in RESULTS:
+        found[name][rows] = np.where(lost, np.nan, getattr(done, name))
     found["end"][rows] = done.end
     found["status"][rows] = np.where(lost, "diverged", "ok")
     for row, time, gone in zip(rows, done.time, lost, strict=True):
@@ -261,7 +248,7 @@ def scaled(
     stretch = high * along + wide * (np.eye(3) - along)
     new_mass = stone.mass * wide**2 * high
     if stone_density is not None:
-        new_mass = stone_density * _volume(stone) * wide**2 * high
+        new_mass = stone_density * stone.volume * wide**2 * high
     if mass is not None:
         new_mass = mass
     second = 0.5 * np.trace(stone.inertia) * np.eye(3) - stone.inertia
@@ -297,11 +284,6 @@ def _water_of(water: Water, row: Mapping[str, Any]) -> Water:
 def _reach(stone: Stone) -> float:
     along = np.outer(stone.vertices @ stone.disc_normal, stone.disc_normal)
     return float(np.linalg.norm(stone.vertices - along, axis=1).max())
-
-
-def _volume(stone: Stone) -> float:
-    a, b, c = np.moveaxis(stone.triangles, 1, 0)
-    return float(np.sum(a * np.cross(b, c)) / 6.0)
 
 
 def _line(error: Exception) -> str:

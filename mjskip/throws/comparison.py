@@ -9,7 +9,6 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from mjskip.checks import check_positive
 from mjskip.errors import DivergedError, MjskipWarning
@@ -18,8 +17,6 @@ from mjskip.throws.recording import Limits
 from mjskip.throws.scene import Scene
 from mjskip.throws.simulate import simulate
 from mjskip.throws.trajectory import Trajectory
-
-Array = npt.NDArray[np.float64]
 
 LADDER = (2e-3, 1e-3, 5e-4, 2e-4, 1e-4)
 """Time steps [s]; each is a multiple of the smallest, so that all runs share its moments."""
@@ -41,41 +38,37 @@ ROUNDING = 1e-11
 
 
 @dataclass(frozen=True, kw_only=True)
-class Row:
-    """One solver at one time step: largest differences from the yardstick, and its cost.
-
-    Differences and cost are not a number if the run diverged.
+class Differences:
+    """Largest differences between two runs; not a number if one of them diverged.
 
     Attributes:
-        engine: "mujoco" or "reference".
-        integrator: its name there.
         timestep: [s].
         flight_position: before the first touch [m].
         flight_attitude: before the first touch [rad].
         touch_position: from there to the end of the first touch [m].
         touch_attitude: the same [rad].
+    """
+
+    timestep: float
+    flight_position: float = math.nan
+    flight_attitude: float = math.nan
+    touch_position: float = math.nan
+    touch_attitude: float = math.nan
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row(Differences):
+    """One solver at one time step: its differences from the yardstick, and its cost.
+
+    Attributes:
+        engine: "mujoco" or "reference".
+        integrator: its name there.
         step_seconds: wall time of a step [s].
     """
 
     engine: str
     integrator: str
-    timestep: float
-    flight_position: float
-    flight_attitude: float
-    touch_position: float
-    touch_attitude: float
-    step_seconds: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class Agreement:
-    """MuJoCo's RK4 and the pure RK4 at the same time step: largest differences [m, rad]."""
-
-    timestep: float
-    flight_position: float
-    flight_attitude: float
-    touch_position: float
-    touch_attitude: float
+    step_seconds: float = math.nan
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,7 +99,7 @@ class Comparison:
         touch_ends: [s]; `LONGEST_TOUCH` after the beginning if the stone did not leave.
         left: whether it left the water.
         rows: differences from the yardstick.
-        agreement: between the two RK4.
+        agreement: MuJoCo's RK4 and the pure RK4 at the same time step.
         orders: observed orders.
     """
 
@@ -114,7 +107,7 @@ class Comparison:
     touch_ends: float
     left: bool
     rows: tuple[Row, ...]
-    agreement: tuple[Agreement, ...]
+    agreement: tuple[Differences, ...]
     orders: tuple[Order, ...]
 
 
@@ -165,32 +158,22 @@ def compare(
             progress(f"{engine} {integrator} at {step * 1e3:g} ms")
             options: dict[str, Any] = {"engine": engine, "integrator": integrator, "timestep": step}
             run = _attempt(scene, ends + step, options)
-            if run is None:
-                rows.append(Row(**options, **asdict(_Apart()), step_seconds=math.nan))
-            else:
+            row = Row(**options)
+            if run is not None:
                 runs[engine, integrator, step] = run
-                apart = _apart(run, long, begins, ends)
                 cost = run.attributes["wall_seconds"] / (len(run.time) - 1)
-                rows.append(Row(**options, **asdict(apart), step_seconds=cost))
+                apart = _differences(run, long, begins, ends)
+                row = Row(**asdict(apart), engine=engine, integrator=integrator, step_seconds=cost)
+            rows.append(row)
             wobbled = _attempt(tumbling, tumble.time[-1], options)
             smooth.setdefault((engine, integrator), []).append(_last_apart(wobbled, tumble))
+    pairs = [(runs.get(("mujoco", "RK4", h)), runs.get(("reference", "rk4", h))) for h in ladder]
     return Comparison(
         touch_begins=begins,
         touch_ends=ends,
         left=touch.exit is not None and ends == touch.exit.time,
         rows=tuple(rows),
-        agreement=tuple(
-            Agreement(
-                timestep=step,
-                **asdict(
-                    _apart(
-                        runs["mujoco", "RK4", step], runs["reference", "rk4", step], begins, ends
-                    )
-                ),
-            )
-            for step in ladder
-            if ("mujoco", "RK4", step) in runs and ("reference", "rk4", step) in runs
-        ),
+        agreement=tuple(_differences(a, b, begins, ends) for a, b in pairs if a and b),
         orders=tuple(
             Order(
                 engine=engine,
@@ -288,16 +271,8 @@ def _tumbling(scene: Scene, ladder: Sequence[float]) -> tuple[Trajectory, Scene]
     return _run(high, limits=_until(until), **yardstick), high
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Apart:
-    flight_position: float = math.nan
-    flight_attitude: float = math.nan
-    touch_position: float = math.nan
-    touch_attitude: float = math.nan
-
-
-def _apart(run: Trajectory, other: Trajectory, begins: float, ends: float) -> _Apart:
-    """Largest differences before and during the touch, at the moments that both runs have."""
+def _differences(run: Trajectory, other: Trajectory, begins: float, ends: float) -> Differences:
+    """Before and during the touch, at the moments that both runs have."""
     spacing = other.time[1] - other.time[0]
     rows = np.rint(run.time / spacing).astype(int)
     shared = (rows < len(other.time)) & (run.time <= ends)
@@ -305,7 +280,8 @@ def _apart(run: Trajectory, other: Trajectory, begins: float, ends: float) -> _A
     position = np.linalg.norm(run.x[mine] - other.x[rows], axis=1)
     attitude = difference(run.q[mine], other.q[rows])
     flight = run.time[mine] < begins
-    return _Apart(
+    return Differences(
+        timestep=run.attributes["timestep"],
         flight_position=float(position[flight].max(initial=0.0)),
         flight_attitude=float(attitude[flight].max(initial=0.0)),
         touch_position=float(position[~flight].max(initial=0.0)),

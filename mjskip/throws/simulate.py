@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import math
-import os
 import time
 import warnings
 from collections.abc import Mapping
 from dataclasses import asdict, replace
 from functools import cache
 from importlib.metadata import version
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
-import numpy.typing as npt
 
-from mjskip.checks import check_positive
+from mjskip._typing import Array, PathLike
+from mjskip.checks import check_choice, check_positive, check_switch, check_type
 from mjskip.coupling.bodies import find_body
 from mjskip.coupling.callback import compile_callback
 from mjskip.errors import MjskipWarning
@@ -30,7 +29,6 @@ from mjskip.throws.trajectory import Trajectory
 from mjskip.waves.lake import Lake
 from mjskip.waves.twoway import MovingSurface
 
-Array = npt.NDArray[np.float64]
 EngineName = Literal["mujoco", "reference"]
 ENGINES: tuple[EngineName, ...] = get_args(EngineName)
 Surface = Literal["still", "waves"]
@@ -50,23 +48,31 @@ WAVES_CHUNK = 50
 
 
 def simulate(
-    scene: Scene | str | os.PathLike[str] = "lake", throw: Throw | None = None, **options: Any
+    scene: Scene | PathLike = "lake",
+    throw: Throw | None = None,
+    *,
+    engine: EngineName = "mujoco",
+    integrator: str | None = None,
+    timestep: float | None = None,
+    limits: Limits | None = None,
+    frozen_attitude: bool = False,
+    surface: Surface = "still",
+    own_dent: bool = False,
 ) -> Trajectory:
     """Throw a scene's stones and return the trajectory of the chosen one.
 
-    Args:
-        scene: a scene, the path of one, or the name of a shipped one.
-        throw: of the chosen body, instead of the scene's.
-        **options: as for `simulate_all`.
+    Arguments and errors are those of `simulate_all`, which returns the trajectories of all stones.
     """
     scene = scene if isinstance(scene, Scene) else load_scene(scene)
-    if throw is not None:
-        scene = scene.rethrow(**asdict(throw))
-    return simulate_all(scene, **options)[scene.body]
+    return simulate_all(
+        scene, throw, engine=engine, integrator=integrator, timestep=timestep, limits=limits,
+        frozen_attitude=frozen_attitude, surface=surface, own_dent=own_dent,
+    )[scene.body]  # fmt: skip
 
 
 def simulate_all(
-    scene: Scene,
+    scene: Scene | PathLike = "lake",
+    throw: Throw | None = None,
     *,
     engine: EngineName = "mujoco",
     integrator: str | None = None,
@@ -79,7 +85,8 @@ def simulate_all(
     """Throw every stone of a scene.
 
     Args:
-        scene: what to throw, and how.
+        scene: a scene, the path of one, or the name of a shipped one: what to throw, and how.
+        throw: of the chosen body, instead of the scene's.
         engine: "mujoco", or "reference" for the pure integrator (which knows no contacts).
         integrator: MuJoCo's Euler, implicitfast, implicit or RK4; or euler, midpoint, rk4 or adaptive
             of the pure one. The scene's, or rk4, if None.
@@ -97,7 +104,11 @@ def simulate_all(
         ValueError: an option is not allowed.
         DivergedError: a force or a motion is not finite.
     """
-    limits = limits or Limits()
+    scene = scene if isinstance(scene, Scene) else load_scene(scene)
+    if throw is not None:
+        scene = scene.rethrow(**asdict(check_type("throw", throw, Throw)))
+    limits = Limits() if limits is None else check_type("limits", limits, Limits)
+    check_switch("frozen_attitude", frozen_attitude)
     timestep = float(scene.model.opt.timestep) if timestep is None else timestep
     check_positive(timestep=timestep)
     if limits.duration / timestep > MOST_STEPS:
@@ -105,9 +116,8 @@ def simulate_all(
             f"duration {limits.duration:g} s at {timestep:g} s a step makes {limits.duration / timestep:.3g} "
             f"steps: at most {MOST_STEPS:g} are allowed; shorten the duration or lengthen the step"
         )
-    for option, value, allowed in (("engine", engine, ENGINES), ("surface", surface, SURFACES)):
-        if value not in allowed:
-            raise ValueError(f"{option} is {value!r}: use one of {', '.join(allowed)}")
+    check_choice("engine", engine, ENGINES)
+    check_choice("surface", surface, SURFACES)
     if surface == "waves" and integrator == "adaptive":
         raise ValueError("integrator is 'adaptive': waves move on at a fixed step; use rk4")
     if surface == "waves" and scene.plugged:

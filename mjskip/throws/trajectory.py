@@ -10,16 +10,13 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
+from mjskip._typing import Array
 from mjskip.checks import check_count, check_mapping, check_number, check_vector
 from mjskip.files import reading, whole_file
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Array = npt.NDArray[np.float64]
-
 
 GRAVITY = (0.0, 0.0, -9.81)
 """Unless a scene or an argument says otherwise [m/s^2]."""
