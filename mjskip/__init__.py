@@ -2,16 +2,21 @@
 
 SI units and radians; right-handed, z up, still water at z = 0. Importing loads nothing else: what `__all__`
 names is imported when it is first asked for. It compiles nothing, opens no GL and installs no callback.
+Where Gymnasium is imported already, the names of the environments are registered with it.
 """
 
+import sys
 from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from mjskip import errors as errors
+    from mjskip.coupling.attach import Coupling as Coupling
     from mjskip.coupling.attach import attach as attach
+    from mjskip.coupling.flotation import float_at_rest as float_at_rest
     from mjskip.coupling.plugin import register_plugin as register_plugin
     from mjskip.draw.render import render_video as render_video
+    from mjskip.hydro.hull import Hull as Hull
     from mjskip.hydro.laws import LAWS as LAWS
     from mjskip.hydro.stone import Stone as Stone
     from mjskip.hydro.water import Water as Water
@@ -33,15 +38,17 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = [
-    "LAWS", "Contact", "HeightField", "Lake", "Limits", "Scene", "Stone", "Throw", "Trajectory", "Water",
-    "attach", "errors", "integrate", "load_scene", "optimize", "register_plugin", "render_video",
+    "LAWS", "Contact", "Coupling", "HeightField", "Hull", "Lake", "Limits", "Scene", "Stone", "Throw", "Trajectory", "Water",
+    "attach", "errors", "float_at_rest", "integrate", "load_scene", "optimize", "register_plugin", "render_video",
     "simulate", "simulate_all", "sweep", "wrench",
 ]  # fmt: skip
 
 _WHERE = {
-    "coupling.attach": ["attach"],
+    "coupling.attach": ["Coupling", "attach"],
+    "coupling.flotation": ["float_at_rest"],
     "coupling.plugin": ["register_plugin"],
     "draw.render": ["render_video"],
+    "hydro.hull": ["Hull"],
     "hydro.laws": ["LAWS"],
     "hydro.stone": ["Stone"],
     "hydro.water": ["Water"],
@@ -58,6 +65,11 @@ _WHERE = {
     "waves.lake": ["Lake"],
 }
 """Where the public names live, by module of this package."""
+
+if (
+    "gymnasium" in sys.modules
+):  # its users expect environments registered by the import of their package
+    import_module("mjskip.envs")
 
 if not TYPE_CHECKING:  # a type checker would take any name for an attribute
 

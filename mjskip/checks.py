@@ -26,6 +26,16 @@ def fault(name: str, value: object, remedy: str) -> ValueError:
     return ValueError(f"{name} is {text}: {remedy}")
 
 
+def as_number(value: Any) -> float | None:
+    """The value as a float; None if it is text, a switch, an array or anything else but a number."""
+    if isinstance(value, str | bytes | bool | np.bool_) or np.ndim(value) != 0:
+        return None
+    try:
+        return float(value)
+    except (TypeError, ValueError, OverflowError):
+        return None
+
+
 def check_type(name: str, value: object, kind: type[T], remedy: str = "") -> T:
     """The value, which must be of this class."""
     if not isinstance(value, kind):
@@ -42,7 +52,7 @@ def check_number(
     unit: str = "",
 ) -> float:
     """The value as a float, which must be finite and between these limits (included)."""
-    number = _number(value)
+    number = as_number(value)
     if number is None or not (math.isfinite(number) and low <= number <= high):
         raise fault(name, value, f"give {_range('a finite number', low, high, unit)}")
     return number
@@ -51,14 +61,14 @@ def check_number(
 def check_positive(**named: object) -> None:
     """Every named value must be a finite number greater than 0."""
     for name, value in named.items():
-        number = _number(value)
+        number = as_number(value)
         if number is None or not (math.isfinite(number) and number > 0.0):
             raise fault(name, value, "give a finite number greater than 0")
 
 
 def check_count(name: str, value: object, *, low: int = 1, high: float = math.inf) -> int:
     """The value as an int, which must be a whole number between these limits (included)."""
-    number = _number(value)
+    number = as_number(value)
     if number is None or not (number % 1.0 == 0.0 and low <= number <= high):
         raise fault(name, value, f"give {_range('a whole number', low, high)}")
     return int(number)
@@ -109,16 +119,6 @@ def check_path(name: str, value: object) -> Path:
     if not isinstance(value, str | os.PathLike) or not os.fspath(value):
         raise fault(name, value, "give a path")
     return Path(os.fsdecode(value))
-
-
-def _number(value: Any) -> float | None:
-    """The value as a float; None if it is text, a switch, an array or anything else but a number."""
-    if isinstance(value, str | bytes | bool | np.bool_) or np.ndim(value) != 0:
-        return None
-    try:
-        return float(value)
-    except (TypeError, ValueError, OverflowError):
-        return None
 
 
 def _range(kind: str, low: float, high: float, unit: str = "") -> str:

@@ -13,6 +13,10 @@ class MeshError(MjskipError, ValueError):
     """A mesh cannot be a stone: open, inverted, degenerate or without volume."""
 
 
+class CouplingError(MjskipError):
+    """The water had stopped acting on a model: another callback took its place."""
+
+
 class DivergedError(MjskipError):
     """A run produced a force or a state that is not finite.
 

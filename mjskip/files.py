@@ -110,3 +110,28 @@ def _remove(path: Path) -> None:
         shutil.rmtree(path)
     else:
         path.unlink(missing_ok=True)
+
+
+@contextmanager
+def reading(path: Name, *, what: str, writer: str) -> Iterator[None]:
+    """Turn everything that a missing, damaged or foreign file does to its reader into one line.
+
+    Args:
+        path: the file.
+        what: it should hold, such as "a trajectory".
+        writer: what writes such files, such as "Trajectory.save".
+
+    Raises:
+        MjskipError: names the file, the reason, and what to give instead.
+    """
+    try:
+        if not Path(path).exists():
+            raise FileNotFoundError("there is no such file")
+        yield
+    except MjskipError:
+        raise
+    except Exception as error:  # HDF5, zip and JSON readers raise anything
+        reason = " ".join(str(error).split())[:200] or type(error).__name__
+        raise MjskipError(
+            f"{path} cannot be read as {what} ({reason}): give one that {writer} wrote"
+        ) from error

@@ -80,7 +80,11 @@ def hundred_metres(*, sleep_amplitude: float = 1e-5, metres: float = 100.0) -> d
     while x < metres:
         throw = Throw.from_degrees(speed=14, spin=30, attack=20, descent=6, height=0.1)
         disc = Integrator(
-            stone, throw.state(stone, x=x, y=0.0), water=Water(), timestep=timestep, method="rk4"
+            stone,
+            throw.state(stone, x=x, y=0.0),
+            water=Water(),
+            timestep=timestep,
+            integrator="rk4",
         )
         surface = MovingSurface(lake, {"disc": disc.block})
         state, wet = disc.start(), False

@@ -2,12 +2,14 @@
 
     python scripts/fuzz.py --minutes 10 --seed 1
 
-Prints a count of outcomes by kind as JSON; failures go to tests/fuzz/corpus, smallest found first by name.
+Prints a count of outcomes by kind as JSON; the first case of each cause of failure goes to
+tests/fuzz/corpus.
 """
 
 import argparse
 import hashlib
 import json
+import re
 import sys
 import time
 from collections import Counter
@@ -72,7 +74,8 @@ def run_round(runner, kind, number, outcomes, failures, corpus):
         outcomes[verdict["outcome"]] += 1
         if not is_right(verdict):
             text = json.dumps(case, indent=1, sort_keys=True)
-            name = f"{kind}_{hashlib.sha256(text.encode()).hexdigest()[:10]}"
+            cause = f"{case.get('name', kind)} {re.sub(r'[0-9]+', '', verdict['why'])[:60]}"
+            name = f"{kind}_{hashlib.sha256(cause.encode()).hexdigest()[:10]}"
             if name not in failures:
                 failures.add(name)
                 (corpus / f"{name}.json").write_text(text + "\n")

@@ -22,7 +22,7 @@ LAYERS = (
     {"coupling"},
     {"throws"},
     {"draw", "sweeps"},
-    {"play"},
+    {"play", "envs"},
     {"cli"},
     {"__init__", "__main__"},
 )

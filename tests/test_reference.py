@@ -38,7 +38,7 @@ def started(height=1.0, velocity=(0, 0, 0), omega=(0, 0, 0), q=UPRIGHT):
 def test_a_stone_in_vacuum_flies_a_parabola(method):
     start = started(height=50.0, velocity=(5.0, 1.0, 2.0), omega=(3.0, 2.0, 40.0))
     run = integrate(
-        Stone.pebble(), start, water=NO_AIR, method=method, timestep=1e-3, limits=until(1.0)
+        Stone.pebble(), start, water=NO_AIR, integrator=method, timestep=1e-3, limits=until(1.0)
     )
     t = run.time[:, None]
     exact = start.position + start.velocity * t - 0.5 * GRAVITY * t**2 * [0, 0, 1]
@@ -342,11 +342,17 @@ def test_each_method_has_its_order_in_smooth_flight(method, order):
     throw = Throw.from_degrees(speed=10, spin=20, wobble=5, attack=30, height=50)
     water = Water(air_density=20.0)
     exact = integrate(
-        stone, throw, water=water, method="adaptive", timestep=0.01, limits=until(0.1), rtol=1e-12
+        stone,
+        throw,
+        water=water,
+        integrator="adaptive",
+        timestep=0.01,
+        limits=until(0.1),
+        rtol=1e-12,
     )
     steps = (2.5e-4, 1.25e-4, 6.25e-5)
     runs = [
-        integrate(stone, throw, water=water, method=method, timestep=h, limits=until(0.1))
+        integrate(stone, throw, water=water, integrator=method, timestep=h, limits=until(0.1))
         for h in steps
     ]
     position = [float(np.linalg.norm(run.x[-1] - exact.x[-1])) for run in runs]
@@ -358,7 +364,7 @@ def test_each_method_has_its_order_in_smooth_flight(method, order):
 def test_the_yardstick_agrees_with_a_fine_rk4_through_a_touch(clanet):
     throw = Throw.from_degrees(speed=3.5, spin=80, attack=20, descent=20, height=0.01)
     runs = [
-        integrate(clanet, throw, water=NO_AIR, method=m, timestep=h, limits=until(0.06))
+        integrate(clanet, throw, water=NO_AIR, integrator=m, timestep=h, limits=until(0.06))
         for m, h in (("adaptive", 1e-3), ("rk4", 1e-5))
     ]
     np.testing.assert_allclose(runs[0].x[-1], runs[1].x[-1], atol=1e-8)
@@ -431,7 +437,10 @@ def test_arguments_are_left_alone():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"method": "verlet"}, "method is 'verlet': use one of euler, midpoint, rk4, adaptive"),
+        (
+            {"integrator": "verlet"},
+            "integrator is 'verlet': use one of euler, midpoint, rk4, adaptive",
+        ),
         ({"timestep": 0.0}, "timestep is 0.0"),
         ({"timestep": math.nan}, "timestep is nan"),
         ({"rtol": -1.0}, "rtol is -1.0"),
@@ -458,7 +467,7 @@ def test_a_step_that_is_far_too_long_is_reported_with_body_and_time():
         integrate(
             Stone.pebble(),
             started(-0.5, (0, 0, -900)),
-            method="euler",
+            integrator="euler",
             timestep=0.05,
             limits=until(5.0),
             name="pebble",

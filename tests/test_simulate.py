@@ -8,10 +8,10 @@ from conftest import rotation
 
 from mjskip import Limits, Stone, Throw, Water, load_scene, simulate
 from mjskip.errors import DivergedError, MjskipWarning, SceneError
-from mjskip.hydro.wrench import observe, pack, pack_states
 from mjskip.rigid.attitude import difference
+from mjskip.rigid.state import pack_states
 from mjskip.throws.engines import MujocoEngine
-from mjskip.throws.recording import Log, find_contacts
+from mjskip.throws.recording import Recorder
 from mjskip.throws.simulate import largest_timestep, simulate_all
 
 DURATION = 0.12
@@ -143,9 +143,13 @@ def motion_of(heights, step=1e-3):
 
 def contacts_of(heights, *, min_airtime=0.010):
     times, states = motion_of(heights)
-    pebble = Stone.pebble()
-    seen = observe(pack(pebble, Water()), states)
-    return find_contacts(times, states, seen, pebble.disc_normal, min_airtime=min_airtime)
+    recorder = recording(min_airtime=min_airtime, max_contact=1.0)
+    assert recorder.extend(times, states) is None
+    return recorder.trajectory({}).contacts
+
+
+def recording(**limits):
+    return Recorder("pebble", Stone.pebble(), Water(), Limits(**limits), gravity=(0, 0, -9.81))
 
 
 def hops(*spans):
@@ -198,7 +202,7 @@ def test_a_stone_that_stays_dry_touches_nothing():
 
 def end_of(heights, **limits):
     times, states = motion_of(heights)
-    log = Log("pebble", Stone.pebble(), Water(), Limits(**limits))
+    log = recording(**limits)
     reason = log.extend(times, states)
     return reason, log.trajectory({})
 
@@ -234,16 +238,16 @@ def test_time_runs_out():
 def test_a_stone_that_stands_still_is_at_rest():
     times, states = motion_of(np.full(500, 0.2))
     states[:, 12:15] = 0.0
-    log = Log("pebble", Stone.pebble(), Water(), Limits(rest_time=0.2))
+    log = recording(rest_time=0.2)
     assert log.extend(times, states) == "at rest"
     states[:, 17] = 5.0  # turning in place is no rest
-    log = Log("pebble", Stone.pebble(), Water(), Limits(rest_time=0.2))
+    log = recording(rest_time=0.2)
     assert log.extend(times, states) is None
 
 
 def test_nothing_is_recorded_after_the_end():
     times, states = motion_of(hops(200))
-    log = Log("pebble", Stone.pebble(), Water(), Limits(duration=0.05))
+    log = recording(duration=0.05)
     log.extend(times, states)
     log.extend(times + times[-1], states)
     assert len(log.trajectory({}).time) == 51
@@ -305,6 +309,7 @@ def test_options_that_are_none_are_refused(lake, options, message):
         simulate(lake, **options)
 
 
+@pytest.mark.filterwarnings("ignore:body 'brick' of 0.2 kg displaces")
 @pytest.mark.parametrize("engine", ["mujoco", "reference"])
 def test_a_run_that_diverges_says_which_body_and_when(tmp_path, monkeypatch, engine):
     monkeypatch.chdir(tmp_path)

@@ -165,10 +165,8 @@ def box(**changes):
 
 
 REFUSED = [
-    ({"drop": 1}, r"the mesh is open \(3 edges with one triangle only\): close it"),
     ({"turn": 2}, r"some triangles of the mesh face inwards: pass fix_normals=True"),
     ({"turn": 12}, r"the normals of the mesh point inwards: pass fix_normals=True"),
-    ({"flat": 1}, r"1 of 13 triangles are degenerate \(no area\): remove them"),
     ({"drop": 12}, r"the mesh has no triangles"),
     ({"nan": 1}, r"vertices that are not finite"),
 ]

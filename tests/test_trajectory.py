@@ -101,6 +101,59 @@ def test_a_file_that_is_no_trajectory_is_refused(run, tmp_path):
         Trajectory.load(tmp_path / "part.nc")
 
 
+UNFIT = {
+    "a list for provenance": {"provenance": "[]"},
+    "a number for provenance": {"provenance": "5"},
+    "provenance without end": {"provenance": "[" * 100_000},
+    "no gravity": {"provenance": '{"gravity": null}'},
+    "two counts of skips": {"skips": [1, 2]},
+    "half a skip": {"skips": 0.5},
+    "no mass": {"mass_kg": float("nan")},
+    "less than no mass": {"mass_kg": -1.0},
+}
+
+
+@pytest.mark.parametrize("attributes", UNFIT.values(), ids=UNFIT.keys())
+def test_attributes_that_make_no_sense_are_refused_in_one_line(run, tmp_path, attributes):
+    data = run.to_dataset()
+    data.attrs |= attributes
+    (tmp_path / "odd.nc").write_bytes(data.to_netcdf(engine="h5netcdf"))
+    with pytest.raises(MjskipError, match=r"odd\.nc cannot be read as a trajectory") as refused:
+        Trajectory.load(tmp_path / "odd.nc")
+    assert len(str(refused.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "values"), [("x", np.nan), ("force", np.inf), ("time", 0.0), ("clearance", np.nan)]
+)
+def test_series_that_are_no_motion_are_refused(run, tmp_path, name, values):
+    data = run.to_dataset()
+    data[name] = data[name] * 0.0 + values
+    (tmp_path / "odd.nc").write_bytes(data.to_netcdf(engine="h5netcdf"))
+    with pytest.raises(MjskipError, match="cannot be read as a trajectory"):
+        Trajectory.load(tmp_path / "odd.nc")
+
+
+def test_a_damaged_file_is_read_or_refused_in_one_line(run, tmp_path):
+    path = tmp_path / "damaged.nc"
+    run.save(path)
+    sound = path.read_bytes()
+    rng = np.random.default_rng(0)
+    refused = []
+    for _ in range(60):
+        damaged = bytearray(sound)
+        for at in rng.integers(0, min(len(sound), 8000), 3):
+            damaged[at] ^= 1 << int(rng.integers(8))
+        path.write_bytes(damaged)
+        try:
+            Trajectory.load(path)
+        except MjskipError as error:
+            refused.append(str(error))
+    assert refused
+    assert all(text.startswith(f"{path} cannot be read as a trajectory (") for text in refused)
+    assert all(len(text.splitlines()) == 1 for text in refused)
+
+
 def test_a_summary_is_in_degrees_and_says_so(run):
     first = run.contacts[0].summary()
     assert set(first) == {"entry", "exit", "depth", "impulse", "airtime"}

@@ -15,14 +15,15 @@ from scipy.fft import dctn
 
 from mjskip import Limits, Stone, Throw, Water, load_scene, simulate
 from mjskip.errors import MjskipWarning
-from mjskip.hydro import _wrench_kernels as kernels
-from mjskip.hydro.wrench import observe, pack, pack_states
+from mjskip.hydro import _block as kernels
+from mjskip.hydro.wrench import pack, wrench_and_immersion
 from mjskip.rigid.attitude import matrices
+from mjskip.rigid.state import pack_states
 from mjskip.throws.engines import MujocoEngine
 from mjskip.throws.reference import Integrator
 from mjskip.throws.simulate import simulate_all
 from mjskip.throws.throw import State
-from mjskip.waves._tile_kernels import largest_share
+from mjskip.waves._lake_kernels import largest_share
 from mjskip.waves.lake import Lake
 from mjskip.waves.twoway import MovingSurface
 
@@ -32,11 +33,11 @@ DENSITY = 1000.0
 class Run:
     """Stones of the pure integrator over their moving surface."""
 
-    def __init__(self, starts, lake, *, timestep=5e-4, water=None, method="rk4", **options):
+    def __init__(self, starts, lake, *, timestep=5e-4, water=None, integrator="rk4", **options):
         water = water or Water(air_density=0.0, gate="local")
         self.timestep = timestep
         self.stones = {
-            name: Integrator(stone, start, water=water, method=method, timestep=timestep)
+            name: Integrator(stone, start, water=water, integrator=integrator, timestep=timestep)
             for name, (stone, start) in starts.items()
         }
         blocks = {name: stone.block for name, stone in self.stones.items()}
@@ -151,7 +152,7 @@ def test_the_share_is_the_largest_that_the_stone_can_pay_for(linear, square, los
 def test_the_water_is_given_the_momentum_that_the_stone_took(own_dent):
     steps, timestep = 60, 5e-4
     start = thrown(DISC)
-    run = Run({"stone": start}, Lake(), timestep=timestep, method="euler", own_dent=own_dent)
+    run = Run({"stone": start}, Lake(), timestep=timestep, integrator="euler", own_dent=own_dent)
     given = taken = 0.0
     for _ in range(steps):
         seen, share = run.step()
@@ -206,12 +207,16 @@ def packed(motion, *, lift=0.0, rise=0.0):
 
 
 @given(stones, motions(), st.sampled_from(WATERS))
-def test_a_patch_of_level_water_is_still_water_to_the_last_bit(stone, motion, water):
+def test_a_patch_of_level_water_is_still_water(stone, motion, water):
     block, (patch, address) = pack(stone, water), flat_patch(81)
     states = packed(motion)
-    still = observe(block, states)
+    still = wrench_and_immersion(block, states)
     block[kernels.SURFACE] = address
-    np.testing.assert_array_equal(observe(block, states), still)
+    # the same faces in another order: rounding of sums, in which opposite faces nearly cancel
+    scale = 1.0 + 1e3 * stone.radius**2 * np.linalg.norm(motion["velocity"]) ** 2
+    scale += 1e3 * stone.radius**4 * np.linalg.norm(motion["omega"]) ** 2
+    found = wrench_and_immersion(block, states)
+    np.testing.assert_allclose(found, still, rtol=1e-12, atol=1e-13 * scale)
     assert patch.size  # alive until here
 
 
@@ -222,10 +227,10 @@ def test_on_a_level_that_is_raised_and_rising_only_what_is_relative_counts(
     stone, motion, water, level, speed
 ):
     block = pack(stone, replace(water, air_density=0.0))
-    lowered = observe(block, packed(motion, lift=level, rise=speed))
+    lowered = wrench_and_immersion(block, packed(motion, lift=level, rise=speed))
     patch, address = flat_patch(81, level=level, speed=speed)
     block[kernels.SURFACE] = address
-    there = observe(block, packed(motion))
+    there = wrench_and_immersion(block, packed(motion))
     scale = 1.0 + abs(lowered[:, :6]).max()
     # The difference of two heights is rounded, and a sliver at the waterline comes or goes with it.
     np.testing.assert_allclose(there[:, :6], lowered[:, :6], atol=1e-9 * scale)
@@ -315,7 +320,9 @@ def test_a_stone_feels_the_waves_of_another_and_not_its_own():
     expected = 0.05 - own.sample(rim[:, 0], rim[:, 1]).elevation.max()
     assert seen["feeler"][0, 16] == pytest.approx(expected, abs=1e-9)
     assert abs(expected - 0.05) > 1e-4
-    still = observe(pack(DISC, Water(air_density=0.0, gate="local")), run.states["maker"])
+    still = wrench_and_immersion(
+        pack(DISC, Water(air_density=0.0, gate="local")), run.states["maker"]
+    )
     np.testing.assert_array_equal(seen["maker"], still)
 
 
@@ -347,7 +354,9 @@ def test_when_a_touch_is_over_its_waves_are_the_lakes_and_it_is_felt_by_its_make
     assert run.surface._stones["stone"].own.lake.awake_tiles == 0
     run.states["stone"][0, :3] = 0.0, 0.0, 0.0
     seen = run.surface.look(run.states)["stone"]
-    still = observe(pack(DISC, Water(air_density=0.0, gate="local")), run.states["stone"])
+    still = wrench_and_immersion(
+        pack(DISC, Water(air_density=0.0, gate="local")), run.states["stone"]
+    )
     assert abs(seen[0, 16] - still[0, 16]) > 1e-4
 
 
@@ -445,7 +454,7 @@ def test_many_throws_of_three_stones_leave_the_mean_level_and_the_memory_as_they
 def test_a_stone_that_its_own_dent_has_driven_is_doubted(lake):
     throw = Throw.from_degrees(speed=12, spin=15, attack=30, descent=12, height=0.3)
     with pytest.warns(
-        MjskipWarning, match=r"times the energy of its release at 1\.\d+ s: its own dent"
+        MjskipWarning, match=r"times the energy of its release at \d\.\d+ s: its own dent"
     ):
         simulate(lake, throw, surface="waves", own_dent=True)
     with warnings.catch_warnings():
@@ -464,7 +473,7 @@ def test_what_a_lake_cannot_take_is_refused_before_the_run(lake):
     walled = replace(lake, grid=lake.grid | {"shape": (128, 128), "boundary": "reflect"})
     with pytest.raises(
         ValueError,
-        match=r"'stone' starts at \(-4, 0\), outside the walls .* x from -1\.27 to 1\.27 m",
+        match=r"'stone' starts at \(-4, 0\), outside the walls .* x from -1\.28 to 1\.28 m",
     ):
         simulate(walled, surface="waves")
     fine = replace(lake, grid=lake.grid | {"spacing": 1e-6})

@@ -138,7 +138,7 @@ def show_of(name, surface="still"):
 
 @pytest.mark.parametrize("surface", ["still", "waves"])
 def test_the_stone_in_the_viewer_flies_as_in_a_run_and_the_water_moves(lake, surface):
-    from mjskip.throws import simulate
+    from mjskip import simulate
 
     flight = simulate(lake, surface=surface)
     touch = flight.contacts[0]
@@ -160,7 +160,7 @@ def test_the_stone_in_the_viewer_flies_as_in_a_run_and_the_water_moves(lake, sur
 
 
 def test_the_water_of_the_viewer_gets_what_the_stone_took(lake):
-    from mjskip.throws import simulate
+    from mjskip import simulate
 
     flight = simulate(lake)
     touch = flight.contacts[0]

@@ -1,20 +1,19 @@
 """The water surface obeys the damped wave equation, its exact laws and its exact limits."""
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
 import pytest
 
 from mjskip.waves import HeightField, wind_waves
-from mjskip.waves import _wave_kernels as kernels
-from mjskip.waves._grid import aligned_zeros
+from mjskip.waves import _medium_kernels as medium
+from mjskip.waves import _tile_kernels as kernels
+from mjskip.waves.grid import WaveGrid
 
 Grid = npt.NDArray[np.float32]
-NINE = ((2.0 / 3.0, 1.0 / 6.0), kernels.step_nine, math.sqrt(3.0) / 2.0, (False,))
-FIVE = ((1.0, 0.0), kernels.step_five, 1.0 / math.sqrt(2.0), ())
-J0 = kernels.FIRST
+NINE = ((2.0 / 3.0, 1.0 / 6.0), "nine_point", math.sqrt(3.0) / 2.0)
+FIVE = ((1.0, 0.0), "five_point", 1.0 / math.sqrt(2.0))
 
 
 def laplacian(z: npt.NDArray[np.float64], edge: float, corner: float) -> npt.NDArray[np.float64]:
@@ -34,31 +33,26 @@ def energy(z: Grid, v: Grid, *, spacing: float, wave_speed: float) -> float:
     )
 
 
-def raw_growth(
-    step: Callable[..., None], courant: float, m: float, *more: bool, steps: int = 3000
-) -> float:
-    """Largest elevation, over the first one, after steps of the bare kernel from noise."""
-    n = 32
-    z, prev = aligned_zeros(n + 2, 64), aligned_zeros(n + 2, 64)
-    z[1 : n + 1, J0 : J0 + n] = np.random.default_rng(1).uniform(-1, 1, (n, n))
-    prev[...] = z
-    q, s = (1 - m) / (1 + m), courant**2 / (1 + m)
+def raw_growth(stencil: str, courant: float, m: float, steps: int = 3000) -> float:
+    """Largest elevation, over the first one, after unchecked steps from noise; `m` is mu t / 2."""
+    grid = WaveGrid((32, 32), courant, 2.0 * m, stencil=stencil, periodic=True)
+    grid.z[...] = np.random.default_rng(1).uniform(-1, 1, grid.z.shape)
+    grid.prev[...] = grid.z
+    grid.last_timestep = 1.0
     for _ in range(steps):
-        kernels.fill_ghosts(z, prev, n + 1, J0, J0 + n, kernels.PERIODIC, np.float32(0))
-        step(z, prev, 1, n + 1, J0, J0 + n, q, s, *more)
-        z, prev = prev, z
-        if not abs(z).max() < 1e6:
+        grid.step(1.0)
+        if not abs(grid.z).max() < 1e6:
             return math.inf
-    return float(abs(z[1 : n + 1, J0 : J0 + n]).max())
+    return float(abs(grid.z).max())
 
 
 @pytest.mark.parametrize(("scheme", "m"), [(NINE, 0.0), (NINE, 0.1), (FIVE, 0.0), (FIVE, 0.1)])
 def test_steps_are_stable_below_the_exact_limit_and_not_above_it(scheme, m):
-    _, step, limit, more = scheme
+    _, stencil, limit = scheme
     # Undamped noise may beat to a few times its start, and without damping round-off may add to
     # the constant mode; nothing that is stable comes near 20.
-    assert raw_growth(step, 0.99 * limit, m, *more) < 20.0
-    assert raw_growth(step, 1.005 * limit, m, *more) == math.inf
+    assert raw_growth(stencil, 0.99 * limit, m) < 20.0
+    assert raw_growth(stencil, 1.005 * limit, m) == math.inf
 
 
 def test_equation_9_is_too_generous_when_there_is_damping():
@@ -67,9 +61,7 @@ def test_equation_9_is_too_generous_when_there_is_damping():
     c, d, mu = 1.0, 0.02, 20.0
     assert c == pytest.approx(d / (2 * paper) * math.sqrt(mu * paper + 2))  # it is equation (9)
     assert paper > water.max_timestep
-    assert (
-        raw_growth(kernels.step_five, 0.99 * paper * c / d, 0.5 * mu * paper, steps=200) == math.inf
-    )
+    assert raw_growth("five_point", 0.99 * paper * c / d, 0.5 * mu * paper, steps=200) == math.inf
 
 
 def test_equation_9_is_exact_without_damping_for_the_five_point_stencil():
@@ -111,21 +103,43 @@ def test_steps_agree_with_a_slow_twin_in_double_precision(stencil, boundary):
     assert abs(water.elevation - z).max() < 2e-7
 
 
-def test_the_absorbing_margin_is_the_same_scheme_as_the_field():
-    n = 40
-    fast, slow = (aligned_zeros(n + 2, 64) for _ in range(2)), aligned_zeros(n + 2, 64)
-    z, prev = fast
-    z[...] = np.random.default_rng(2).normal(size=z.shape)
-    prev[...] = np.random.default_rng(3).normal(size=z.shape)
-    slow[...] = prev
-    m, r = np.float32(0.05), np.float32(0.6)
-    none = np.zeros(n + 64, np.float32)
-    kernels.step_sponge(
-        z, slow, 1, n + 1, J0, J0 + n, m, r, np.float32(2 / 3), np.float32(1 / 6), none, none
+def pools(n, *, seed):
+    """Levels of one tile of n x n cells between walls, and what the kernels want to know of it."""
+    rng = np.random.default_rng(seed)
+    grid = WaveGrid((n, n), 1.0, 0.0)
+    for level in (grid.z, grid.prev):
+        level[...] = rng.normal(size=level.shape)
+    return grid.tiles
+
+
+def test_the_general_step_is_the_same_scheme_as_the_fast_one():
+    n, m, r = 40, np.float32(0.05), np.float32(0.6)
+    tiles = pools(n, seed=2)
+    slow = tiles.second[1].copy()
+    around, none = np.empty((n + 2, n + 2), np.float32), np.zeros(n, np.float32)
+    medium.surround(tiles.first, tiles.about, 1, around)
+    medium.step_general(
+        around, np.ones((n + 2, n + 2), np.float32), slow, 0, n, 0, n, np.float32(1), m, r,
+        np.float32(2 / 3), np.float32(1 / 6), none, none, np.float32(0),
+    )  # fmt: skip
+    kernels.step_fast(
+        tiles.first, tiles.second, tiles.about, 1, 0, n, 0, (1 - m) / (1 + m), r / (1 + m)
     )
-    kernels.step_nine(z, prev, 1, n + 1, J0, J0 + n, (1 - m) / (1 + m), r / (1 + m), False)
     # Elevations of order 3, sums of 36 of them, single precision.
-    assert abs(slow - prev)[1 : n + 1, J0 : J0 + n].max() < 2e-5
+    assert abs(slow - tiles.second[1])[:, :n].max() < 2e-5
+
+
+def test_an_open_edge_lets_a_level_surface_be_and_passes_a_wave_that_runs_out():
+    z, prev = (np.full((9, 7), 0.25, np.float32) for _ in range(2))
+    z[[0, -1]] = z[:, [0, -1]] = np.nan  # to be filled, corners and all
+    medium.fill_open_edge(z, prev, 9, 7, np.float32(-0.4))
+    np.testing.assert_array_equal(z, prev)
+    # z = f(x - c t) with c t / d = 1 / 2: the cell beyond has what was half a cell before it.
+    x = np.arange(9.0)[:, None] + np.zeros(7)
+    prev[...], z[...] = x, x - 0.5
+    z[-1] = np.nan
+    medium.fill_open_edge(z, prev, 9, 7, np.float32((0.5 - 1) / (0.5 + 1)))
+    np.testing.assert_allclose(z[-1, 1:-1], 8 - 0.5, rtol=1e-6)
 
 
 @pytest.mark.parametrize("stencil", ["nine_point", "five_point"])
@@ -166,27 +180,29 @@ def test_a_displaced_volume_stays_in_the_field():
 def test_a_step_of_any_width_is_the_written_out_sum_and_touches_nothing_else(width):
     rng = np.random.default_rng(width)
     high, stride = 9, 160
-    z, prev = (rng.uniform(-1, 1, (high + 2, stride)).astype(np.float32) for _ in range(2))
+    z, prev = (rng.uniform(-1, 1, (2, high, stride)).astype(np.float32) for _ in range(2))
     before, q, s = prev.copy(), 0.97, 0.6
-    kernels.step_nine(z, prev, 1, high + 1, J0, J0 + width, q, s, False)
-    cells = np.s_[1 : high + 1, J0 : J0 + width]
-    block = z[:, J0 - 1 : J0 + width + 1].astype(np.float64)
-    bend = laplacian(block, 2 / 3, 1 / 6)[1:-1, 1:-1]
-    exact = block[1:-1, 1:-1] + q * (block[1:-1, 1:-1] - before[cells]) + s * bend
+    about = np.full((2, kernels.ABOUT), kernels.WALL, np.int32)
+    about[1, [4, kernels.ROWS, kernels.COLUMNS]] = 1, high, width
+    kernels.step_fast(z, prev, about, 1, 0, high, 0, q, s)
+    cells = np.s_[1, :, :width]
+    block = z[cells].astype(np.float64)
+    exact = block + q * (block - before[cells]) + s * laplacian(block, 2 / 3, 1 / 6)
     assert abs(prev[cells] - exact).max() < 3e-6  # a sum of 36 numbers below 1, single precision
     prev[cells] = before[cells]
     assert np.array_equal(prev, before)
 
 
-def test_walls_without_ghosts_are_walls_with_them():
-    rng = np.random.default_rng(8)
-    for high, wide in ((1, 5), (4, 16), (10, 37), (13, 64)):
-        z, prev = (rng.uniform(-1, 1, (high + 2, 160)).astype(np.float32) for _ in range(2))
-        other = prev.copy()
-        kernels.step_nine(z, prev, 1, high + 1, J0, J0 + wide, 0.97, 0.6, True)
-        kernels.fill_ghosts(z, other, high + 1, J0, J0 + wide, kernels.REFLECT, np.float32(0))
-        kernels.step_nine(z, other, 1, high + 1, J0, J0 + wide, 0.97, 0.6, False)
-        assert np.array_equal(prev, other)
+def test_a_margin_is_left_alone_and_read():
+    tiles = pools(40, seed=8)
+    z, prev, about = tiles.first, tiles.second, tiles.about
+    whole, before = prev.copy(), prev.copy()
+    kernels.step_fast(z, whole, about, 1, 0, 40, 0, 0.97, 0.6)
+    kernels.step_fast(z, prev, about, 1, 5, 35, 5, 0.97, 0.6)
+    inner = np.s_[1, 5:35, 5:35]
+    np.testing.assert_array_equal(prev[inner], whole[inner])
+    prev[inner] = before[inner]
+    np.testing.assert_array_equal(prev, before)
 
 
 def test_under_a_steady_load_the_surface_sinks_by_the_static_head():
@@ -240,7 +256,7 @@ def test_loads_outside_are_ignored():
 def test_amplitude_decays_as_exp_of_minus_half_mu_t():
     mu, length = 0.5, 1.6
     water = HeightField((80, 8), damping=mu, boundary="periodic")
-    water.elevation[...] = 0.01 * np.cos(2 * np.pi * water.x / length)[:, None]
+    water.set(0.01 * np.cos(2 * np.pi * water.x / length)[:, None])
     timestep = 0.9 * water.max_timestep
     amplitude, times = [], []
     for _ in range(400):
@@ -270,7 +286,7 @@ def phase_error(stencil: str, cells: int, *, diagonal: bool) -> float:
     water = HeightField((n, n), spacing=1.0, damping=0.0, stencil=stencil, boundary="periodic")
     k = 2 * np.pi * 12 / n
     shape = np.cos(k * (water.x[:, None] + (water.y[None, :] if diagonal else 0 * water.y)))
-    water.elevation[...] = shape
+    water.set(shape)
     timestep = 0.1 * water.max_timestep
     wavenumber = k * (math.sqrt(2.0) if diagonal else 1.0)
     for _ in range(round(4.5 * np.pi / wavenumber / timestep)):
@@ -434,7 +450,7 @@ def test_threads_do_not_change_a_bit():
 
 def test_samples_interpolate_a_plane_exactly_and_are_still_outside():
     water = HeightField((30, 20), centre=(3.0, -1.0))
-    water.elevation[...] = 0.1 * water.x[:, None] - 0.2 * water.y[None, :]
+    water.set(0.1 * water.x[:, None] - 0.2 * water.y[None, :])
     got = water.sample([3.0, 3.05, 9.0], [-1.0, -0.93, 0.0])
     # Single precision of numbers of order 0.5.
     np.testing.assert_allclose(got.elevation, [0.5, 0.491, 0.0], atol=1e-6)
@@ -492,7 +508,7 @@ def test_the_grid_is_float32_and_centred():
         ({"shape": 50}, "shape is 50: give two whole numbers"),
         ({"shape": (50.5, 50)}, "give two whole numbers"),
         ({"shape": (2_000_000, 2_000_000)}, r"needs 3.2e\+04 GB and .* GB are free"),
-        ({"spacing": 0.0}, "spacing is 0.0: give a finite number above 0"),
+        ({"spacing": 0.0}, "spacing is 0.0: give a finite number greater than 0"),
         ({"wave_speed": math.nan}, "wave_speed is nan"),
         ({"damping": -0.1}, "damping is -0.1: give a finite number of at least 0"),
         ({"stencil": "seven"}, "'seven': use one of nine_point, five_point, paper_eq8"),
@@ -537,7 +553,7 @@ def test_a_load_that_is_no_load_is_refused():
 def test_far_from_land_the_water_does_not_know_of_it(stencil, boundary):
     land = np.zeros((120, 90), bool)
     land[-1, -1] = True
-    with_land = HeightField((120, 90), stencil=stencil, boundary=boundary, land=land)
+    with_land = HeightField((120, 90), stencil=stencil, boundary=boundary, terrain_mask=land)
     without = HeightField((120, 90), stencil=stencil, boundary=boundary)
     for water in (with_land, without):
         water.displace(-0.3, 0.0, height=0.01, radius=0.1)
@@ -554,7 +570,9 @@ def test_far_from_land_the_water_does_not_know_of_it(stencil, boundary):
 def test_islands_keep_the_volume_and_stay_dry(stencil, boundary):
     rng = np.random.default_rng(5)
     land = rng.uniform(size=(60, 50)) < 0.2  # the roughest coast there is
-    water = HeightField((60, 50), damping=0.0, stencil=stencil, boundary=boundary, land=land)
+    water = HeightField(
+        (60, 50), damping=0.0, stencil=stencil, boundary=boundary, terrain_mask=land
+    )
     for k in range(400):
         if k < 50:
             water.press(*rng.uniform(-0.6, 0.6, 2), force=3.0, radius=0.05)
@@ -568,7 +586,7 @@ def test_islands_keep_the_volume_and_stay_dry(stencil, boundary):
 def test_a_pier_across_the_lake_reflects_as_a_wall_does_and_nothing_gets_behind_it():
     land = np.zeros((100, 60), bool)
     land[50:] = True
-    divided = HeightField((100, 60), stencil="five_point", land=land)
+    divided = HeightField((100, 60), stencil="five_point", terrain_mask=land)
     small = HeightField((50, 60), stencil="five_point", centre=(-0.5, 0.0))
     for water in (divided, small):
         water.displace(-0.3, 0.1, height=0.01, radius=0.08)
@@ -578,7 +596,7 @@ def test_a_pier_across_the_lake_reflects_as_a_wall_does_and_nothing_gets_behind_
     assert abs(divided.elevation[:50] - small.elevation).max() < 1e-7
     land[50:] = False
     land[50:52] = True
-    pier = HeightField((100, 60), land=land)
+    pier = HeightField((100, 60), terrain_mask=land)
     pier.displace(-0.3, 0.1, height=0.01, radius=0.08)
     pier.advance(2.0)
     assert abs(pier.elevation[:50]).max() > 1e-3
@@ -589,7 +607,11 @@ def test_a_saved_surface_goes_on_where_it_stopped(tmp_path):
     land = np.zeros((50, 40), bool)
     land[10:12, 5:9] = True
     for k, settings in enumerate(
-        ({"boundary": "absorb"}, {"land": land, "centre": (1.0, 2.0)}, {"stencil": "five_point"})
+        (
+            {"boundary": "absorb"},
+            {"terrain_mask": land, "centre": (1.0, 2.0)},
+            {"stencil": "five_point"},
+        )
     ):
         water = HeightField((50, 40), **settings)
         water.displace(*water.centre, height=0.01, radius=0.1)
@@ -651,9 +673,9 @@ def test_a_wind_sea_has_its_height_its_seed_and_its_direction():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"land": np.ones((10, 10), bool)}, "land covers every cell"),
-        ({"land": np.zeros((10, 9), bool)}, r"land has shape \(10, 9\)"),
-        ({"land": np.eye(10, dtype=bool), "stencil": "paper_eq8"}, "knows no land"),
+        ({"terrain_mask": np.ones((10, 10), bool)}, "terrain_mask covers every cell"),
+        ({"terrain_mask": np.zeros((10, 9), bool)}, r"terrain_mask has shape \(10, 9\)"),
+        ({"terrain_mask": np.eye(10, dtype=bool), "stencil": "paper_eq8"}, "knows no terrain"),
     ],
 )
 def test_land_that_cannot_be_is_refused(arguments, message):
@@ -661,9 +683,15 @@ def test_land_that_cannot_be_is_refused(arguments, message):
         HeightField((10, 10), **arguments)
 
 
-def test_values_that_are_not_finite_are_not_set():
-    with pytest.raises(ValueError, match="not finite"):
-        HeightField((10, 10)).set(math.nan)
+def test_values_that_are_no_finite_numbers_are_not_set_nor_sampled():
+    for value in (math.nan, 1j, "high", [[math.inf]]):
+        with pytest.raises(ValueError, match=r"^elevation is .*: give finite numbers$"):
+            HeightField((10, 10)).set(value)
+    for value in (math.nan, [0.0, math.inf], "x"):
+        with pytest.raises(ValueError, match=r"^y is .*: give finite numbers$"):
+            HeightField((10, 10)).sample(0.0, value)
+    with pytest.raises(ValueError, match=r"^height is -1: give a finite number of at least 0 m$"):
+        wind_waves([0, 1], [0, 1], wave_speed=1.0, height=-1, wavelength=1.0)
     with pytest.raises(ValueError, match="height is nan"):
         wind_waves([0, 1], [0, 1], wave_speed=1.0, height=math.nan, wavelength=1.0)
 

@@ -1,7 +1,7 @@
 """Where compiled kernels are kept, under a name that says what they are made of.
 
 numba stamps an entry with the text of one file, the kernel's own. Here the folder is named by a hash over that
-file and every file of this package that it imports, directly or not, the versions of numba and llvmlite, the
+file and every file of this package that it imports, directly or not, the versions of numba, llvmlite and rocket-fft, the
 processor and the options: code of another origin has another name, so nothing stale is ever run. An entry that
 cannot be read is compiled again; where entries cannot be written, one warning is given and the code runs unkept.
 """
@@ -17,6 +17,7 @@ import time
 import warnings
 from collections.abc import Callable
 from functools import cache
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -50,7 +51,8 @@ def fingerprint(file: Path, options: dict[str, Any]) -> str:
 def _compiler() -> str:
     cpu = llvmlite.binding.get_host_cpu_name()
     features = llvmlite.binding.get_host_cpu_features().flatten()
-    return f"{numba.__version__} {llvmlite.__version__} {cpu} {features}"
+    fft = version("rocket-fft")  # whose functions compiled code calls by name
+    return f"{numba.__version__} {llvmlite.__version__} {fft} {cpu} {features}"
 
 
 @cache

@@ -19,6 +19,7 @@ COMMANDS = {
     "plot": "A page of curves about saved throws (extra: plot).",
     "play": "A page in the browser where you throw (extra: play).",
     "view": "MuJoCo's own viewer with the water, live.",
+    "inspect": "What is wet in a model and why, how it floats, and what that costs.",
     "info": "Versions, OpenGL renderer, ffmpeg, threads, shipped scenes.",
 }
 """Each is a module of this package with a click command of the same name."""

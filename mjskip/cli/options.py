@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, TypeVar
@@ -12,20 +11,9 @@ import click
 from mjskip.hydro.laws import LAWS
 from mjskip.hydro.water import GATES
 from mjskip.throws.scene import Scene, load_scene
+from mjskip.throws.throw import PARAMETERS
 
 F = TypeVar("F", bound=Callable[..., Any])
-TURN = 2.0 * math.pi
-DEGREE = math.pi / 180.0
-
-THROW = {  # option: (unit at the command line, factor to SI, help)
-    "speed": ("M/S", 1.0, "Speed of the throw."),
-    "spin": ("REV/S", TURN, "Spin, counter-clockwise seen from above."),
-    "attack": ("DEGREES", DEGREE, "Tilt of the stone's face to the water, nose up."),
-    "descent": ("DEGREES", DEGREE, "Angle of the path below the horizontal."),
-    "bank": ("DEGREES", DEGREE, "Tilt to the side; positive leans left."),
-    "wobble": ("REV/S", TURN, "Turning across the axis, as after an unclean release."),
-    "height": ("M", 1.0, "Height of the lowest point above still water at release."),
-}
 
 
 def throw_options(function: F) -> F:
@@ -35,9 +23,10 @@ def throw_options(function: F) -> F:
         click.option("--body", metavar="NAME", help="Stone to follow.  [default: the first]"),
         *(
             click.option(
-                f"--{name}", type=float, metavar=unit, help=f"{text}  [default: the scene's]"
+                f"--{name}", type=float, metavar=parameter.shown_unit.upper(),
+                help=f"{parameter.text}  [default: the scene's]",
             )
-            for name, (unit, _, text) in THROW.items()
+            for name, parameter in PARAMETERS.items()
         ),
         click.option(
             "--law", type=click.Choice(list(LAWS)), help="Force law.  [default: the scene's]"
@@ -49,7 +38,7 @@ def throw_options(function: F) -> F:
         ),
         click.option("--buoyancy", is_flag=True, help="The water bears: hydrostatic pressure."),
         click.option("--skin-friction", is_flag=True, help="The water rubs: ITTC 1957."),
-    ]
+    ]  # fmt: skip
     for decorator in reversed(decorators):
         function = decorator(function)
     return function
@@ -66,7 +55,7 @@ def chosen_scene(
 ) -> Scene:
     """The scene with what was asked for at the command line."""
     loaded = load_scene(scene, body=body)
-    given = {name: value * THROW[name][1] for name, value in throw.items() if value is not None}
+    given = {n: PARAMETERS[n].to_si(value) for n, value in throw.items() if value is not None}
     loaded = loaded.rethrow(**given)
     water: dict[str, Any] = {
         key: value for key, value in (("law", law), ("gate", gate)) if value is not None

@@ -18,8 +18,8 @@ from mjskip.files import check_target
 from mjskip.throws.recording import Limits
 from mjskip.throws.scene import Scene
 from mjskip.throws.simulate import ENGINES, SURFACES, simulate_all
-from mjskip.throws.throw import Throw
-from mjskip.throws.trajectory import Trajectory
+from mjskip.throws.throw import PARAMETERS
+from mjskip.throws.trajectory import ENDS, Trajectory
 
 out = Console(highlight=False)
 err = Console(stderr=True, highlight=False)
@@ -166,27 +166,20 @@ def skip_table(trajectory: Trajectory) -> Table:
 def headline(scene: Scene, trajectory: Trajectory) -> str:
     """One line: the stone and its throw."""
     name = trajectory.attributes["body"]
-    throw, stone = Throw(**trajectory.attributes["throw"]), scene.stones[name]
+    throw, stone = trajectory.attributes["throw"], scene.stones[name]
+    text = {key: PARAMETERS[key].text_of(value) for key, value in throw.items()}
     return (
         f"[bold]{name}[/] ({1e3 * stone.mass:.3g} g, {len(stone.faces)} triangles) "
-        f"at {throw.speed:.3g} m/s, {throw.spin / (2.0 * math.pi):.3g} rev/s, "
-        f"attack {math.degrees(throw.attack):.3g}°, descent {math.degrees(throw.descent):.3g}°"
+        f"at {text['speed']}, {text['spin']}, attack {text['attack']}, descent {text['descent']}"
     )
 
 
 def verdict(trajectory: Trajectory) -> str:
     """One line: how many skips, and how it ended."""
-    ends = {
-        "sunk": "then it sank",
-        "planing": "then it ploughed on without leaving the water",
-        "at rest": "then it came to rest",
-        "out of time": "when the time was up",
-        "left the lake": "then it left the lake",
-    }
     skips = trajectory.skips
     wall = trajectory.attributes["wall_seconds"]
     return (
-        f"[bold green]{skips} skip{'' if skips == 1 else 's'}[/], {ends[trajectory.end]}\n"
+        f"[bold green]{skips} skip{'' if skips == 1 else 's'}[/], {ENDS[trajectory.end]}\n"
         f"[dim]{trajectory.attributes['engine']} {trajectory.attributes['integrator']}, "
         f"{1e3 * trajectory.attributes['timestep']:g} ms steps, "
         f"{trajectory.time[-1]:.2f} s simulated in {wall:.2f} s[/]\n"

@@ -23,7 +23,7 @@ from rich.progress import (
 )
 from rich.text import Text
 
-from mjskip.cli.options import THROW, chosen_scene, throw_options
+from mjskip.cli.options import chosen_scene, throw_options
 from mjskip.sweeps.batch import AIRS
 from mjskip.sweeps.design import NAMED, PARAMETERS, latin_hypercube, normal, span
 from mjskip.sweeps.plot import check_picture, plot_sweep
@@ -31,6 +31,7 @@ from mjskip.sweeps.sweep import CHUNK
 from mjskip.sweeps.sweep import sweep as run_sweep
 from mjskip.throws.recording import Limits
 from mjskip.throws.simulate import ENGINES
+from mjskip.throws.throw import PARAMETERS as THROW
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -154,9 +155,9 @@ def shown(name: str, value: Any) -> str:
     """A parameter in the units of the command line."""
     if isinstance(value, str):
         return value
-    factor = THROW[name][1] if name in THROW else 1.0
-    unit = {"DEGREES": "°", "REV/S": " rev/s", "M/S": " m/s", "M": " m"}
-    return f"{value / factor:.4g}{unit.get(THROW[name][0], '') if name in THROW else ''}"
+    if name not in THROW:
+        return f"{value:.4g}"
+    return THROW[name].text_of(value)
 
 
 @contextmanager
@@ -198,7 +199,7 @@ def _split(text: str) -> tuple[str, str]:
 
 
 def _numbers(name: str, values: list[str]) -> list[float]:
-    factor = THROW[name][1] if name in THROW else 1.0
+    factor = THROW[name].factor if name in THROW else 1.0
     try:
         return [float(value) * factor for value in values]
     except ValueError as error:

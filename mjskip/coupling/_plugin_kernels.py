@@ -1,15 +1,19 @@
 """Engine plugin mjskip.water, compiled to C by numba: force on bodies, and sensors.
 
-The plugin keeps nothing in MjData. At every call a body's content (its geoms, its inertial frame, the
-text of its configuration) is hashed, and the hash finds the *block* that the force kernel knows the
-body by in a table of this process. So it does not matter which model, copy of a model or data comes, from
+The plugin keeps nothing in MjData. An instance wets the bodies that carry it, and what moves below them unless it
+carries another; each such *head* has the bodies that are welded to it. At every call the content of a head (its
+geoms, mass and inertia, the text of its configuration) is hashed, and the hash finds the *record*
+(`_record_kernels`) in a table of this process. So it does not matter which model, copy of a model or data comes, from
 which thread, or whether a model lives where another was freed. A content that is new is handed to
-Python, which builds its block; that happens when MjData is made, or when somebody alters a model.
+Python, which builds its record; that happens when MjData is made, or when somebody alters a model.
 
-    root      addresses of the force and immersion kernels, of the builder and of the table; offset of
-              the gravity in mjModel; offsets of the members of mjModel and mjData below
-    table     number of slots, then pairs (hash, address of the block; 0: it cannot be built)
-    request   body (-1: look at the configuration only), instance, hash; answer: block, error message
+Of a large mesh some words are hashed at every call, with the address of the model; MjData that is made looks at all.
+
+    root      addresses of the force and immersion kernels, of the builder and of the table; offsets of
+              gravity and time step in mjModel; number of the plugin; offsets of the members of mjModel and
+              mjData below
+    table     number of slots, then pairs (hash, address of the record; 0: cannot be built, 1: dry)
+    request   what is asked, body, instance, hash; answer: address of the record, error message
 
 A table is only ever added to, value before key, or replaced by another whose address is put in the root.
 """
@@ -25,41 +29,59 @@ from mjskip._compile.jit import kernel
 from mjskip._compile.pointers import (
     as_doubles,
     as_words,
+    bits,
     call_address,
     intrinsic,
     stack_doubles,
     symbol,
 )
+from mjskip.coupling._record_kernels import BLOCK, CENTRE, NEEDED_STEP, SCRATCH, wet_load
 from mjskip.coupling._struct_layout import library
 
-WRENCH, IMMERSION, BUILDER, TABLE, GRAVITY, MEMBERS = 0, 1, 2, 3, 4, 5
+WRENCH, IMMERSION, BUILDER, TABLE, GRAVITY, TIMESTEP, SLOT, MEMBERS = 0, 1, 2, 3, 4, 5, 6, 7
 SLOTS, PAIRS = 0, 1
-BODY, INSTANCE, KEY, BLOCK, MESSAGE, REQUEST = 0, 1, 2, 3, 4, 5
+ASK, BODY, INSTANCE, KEY, ANSWER, MESSAGE, REQUEST = 0, 1, 2, 3, 4, 5, 6
+CONFIGURATION, HULL, FRESH_HULL, DOUBTS, TOO_LARGE_STEP = 0, 1, 2, 3, 4
+"""What is asked: whether a configuration is allowed; a record; the same after a look at all of its meshes;
+to say what is doubtful about an instance; to say that a body's drag was limited."""
+CANNOT, DRY = 0, 1
 
 MODEL_MEMBERS = (
     "nbody", "nsensor", "nplugin", "npluginattr",
-    "body_plugin", "body_rootid", "body_parentid", "body_dofnum", "body_dofadr", "dof_parentid",
+    "body_plugin", "body_rootid", "body_parentid", "body_weldid", "body_jntnum",
+    "body_dofnum", "body_dofadr", "dof_parentid", "body_invweight0",
+    "body_pos", "body_quat", "body_mass",
     "body_ipos", "body_iquat", "body_inertia", "body_geomadr", "body_geomnum",
     "geom_type", "geom_dataid", "geom_size", "geom_pos", "geom_quat",
+    "geom_contype", "geom_conaffinity", "geom_group", "name_geomadr", "names",
     "mesh_vertadr", "mesh_vertnum", "mesh_vert", "mesh_faceadr", "mesh_facenum", "mesh_face",
-    "plugin_attr", "plugin_attradr",
+    "plugin", "plugin_attr", "plugin_attradr",
     "sensor_plugin", "sensor_adr",
 )  # fmt: skip
 (
     NBODY, NSENSOR, NPLUGIN, NPLUGINATTR,
-    BODY_PLUGIN, BODY_ROOTID, BODY_PARENTID, BODY_DOFNUM, BODY_DOFADR, DOF_PARENTID,
+    BODY_PLUGIN, BODY_ROOTID, BODY_PARENTID, BODY_WELDID, BODY_JNTNUM,
+    BODY_DOFNUM, BODY_DOFADR, DOF_PARENTID, BODY_INVWEIGHT0,
+    BODY_POS, BODY_QUAT, BODY_MASS,
     BODY_IPOS, BODY_IQUAT, BODY_INERTIA, BODY_GEOMADR, BODY_GEOMNUM,
     GEOM_TYPE, GEOM_DATAID, GEOM_SIZE, GEOM_POS, GEOM_QUAT,
+    GEOM_CONTYPE, GEOM_CONAFFINITY, GEOM_GROUP, NAME_GEOMADR, NAMES,
     MESH_VERTADR, MESH_VERTNUM, MESH_VERT, MESH_FACEADR, MESH_FACENUM, MESH_FACE,
-    PLUGIN_ATTR, PLUGIN_ATTRADR,
+    PLUGIN, PLUGIN_ATTR, PLUGIN_ATTRADR,
     SENSOR_PLUGIN, SENSOR_ADR,
 ) = range(MEMBERS, MEMBERS + len(MODEL_MEMBERS))  # fmt: skip
 DATA_MEMBERS = (
-    "xipos", "xmat", "cvel", "cdof", "subtree_com", "qfrc_passive", "body_awake", "sensordata",
+    "xpos", "xmat", "cvel", "cdof", "subtree_com", "qfrc_passive", "body_awake", "sensordata",
 )  # fmt: skip
-XIPOS, XMAT, CVEL, CDOF, SUBTREE_COM, QFRC_PASSIVE, BODY_AWAKE, SENSORDATA = range(
+XPOS, XMAT, CVEL, CDOF, SUBTREE_COM, QFRC_PASSIVE, BODY_AWAKE, SENSORDATA = range(
     MEMBERS + len(MODEL_MEMBERS), MEMBERS + len(MODEL_MEMBERS) + len(DATA_MEMBERS)
 )
+
+LARGE = 512
+"""Rows of a mesh's arrays up to which all are hashed at every call, and words that are hashed of more."""
+
+AT_WRENCH, AT_REQUEST, AT_SEEN, AT_LOAD = 18, 30, 36, 41
+LOAD_SCRATCH = AT_LOAD + SCRATCH
 
 READING = 7
 """Numbers of a sensor for one body: force (3) and torque (3) of water and air, wetted area."""
@@ -169,86 +191,197 @@ def _hash_items(
 
 
 @kernel
-def _content(table: Any, model: int, body: int, instance: int) -> int:
-    """Hash of all that a body's block is made from; never 0."""
-    starts = _ints(table, model, PLUGIN_ATTRADR)
-    begin = starts[instance]
-    last = instance + 1 == _size(table, model, NPLUGIN)
-    end = _size(table, model, NPLUGINATTR) if last else starts[instance + 1]
+def _carries(table: Any, model: int, body: int) -> Any:
+    """Whether a body carries this plugin, by whichever instance."""
+    instance = _ints(table, model, BODY_PLUGIN)[body]
+    return instance >= 0 and _ints(table, model, PLUGIN)[instance] == table[SLOT]
+
+
+@kernel
+def _text_end(table: Any, model: int, instance: int) -> Any:
+    """Where the texts of an instance's configuration end in plugin_attr."""
+    if instance + 1 == _size(table, model, NPLUGIN):
+        return _size(table, model, NPLUGINATTR)
+    return _ints(table, model, PLUGIN_ATTRADR)[instance + 1]
+
+
+@kernel
+def _wets_below(table: Any, model: int, instance: int) -> bool:
+    """Whether an instance wets what moves below its bodies too: the last of its texts is not "this"."""
+    end = as_words(model + table[PLUGIN_ATTR])[0] + _text_end(table, model, instance)
+    return not (
+        byte_at(end - 6) == 0 and byte_at(end - 5) == 116 and byte_at(end - 4) == 104
+        and byte_at(end - 3) == 105 and byte_at(end - 2) == 115
+    )  # fmt: skip
+
+
+@kernel
+def _is_head(table: Any, model: int, body: int, instance: int, below: bool) -> Any:
+    """Whether a body is one that an instance wets, with what is welded to it."""
+    if _ints(table, model, BODY_PLUGIN)[body] == instance:
+        return True
+    if not below or _ints(table, model, BODY_JNTNUM)[body] == 0:
+        return False
+    parent = _ints(table, model, BODY_PARENTID)
+    while body > 0:
+        if _carries(table, model, body):
+            return _ints(table, model, BODY_PLUGIN)[body] == instance
+        body = parent[body]
+    return False
+
+
+@kernel
+def _belongs(table: Any, model: int, body: int, head: int) -> bool:
+    """Whether a body below a head is welded to it, and carries no plugin of its own."""
+    weld, parent = _ints(table, model, BODY_WELDID), _ints(table, model, BODY_PARENTID)
+    if weld[body] != weld[head]:
+        return False
+    while body != head:
+        if _carries(table, model, body):
+            return False
+        body = parent[body]
+    return True
+
+
+@kernel
+def _content(table: Any, model: int, head: int, instance: int) -> int:
+    """Hash of all that a head's record is made from; never 0."""
+    begin = _ints(table, model, PLUGIN_ATTRADR)[instance]
+    end = _text_end(table, model, instance)
     key = _hash_items(table, model, PLUGIN_ATTR, begin, 1, end - begin, 1)
     key = _hash(model + table[GRAVITY], 24, key)
+    parent = _ints(table, model, BODY_PARENTID)
+    last = _size(table, model, NBODY)
+    body = head
+    while True:
+        if body == head or _belongs(table, model, body, head):
+            key = _body_content(table, model, body, head, key)
+        body += 1
+        if body >= last or parent[body] < head:
+            break  # bodies are listed depth first
+    return key if key != 0 else 1
+
+
+@kernel
+def _body_content(table: Any, model: int, body: int, head: int, key: int) -> int:
+    """Hash of a body that is welded to a head, after what was hashed to `key`."""
+    if body != head:
+        key = _hash_items(table, model, BODY_POS, body, 24, 1, key)
+        key = _hash_items(table, model, BODY_QUAT, body, 32, 1, key)
+    key = _hash_items(table, model, BODY_MASS, body, 8, 1, key)
     key = _hash_items(table, model, BODY_IPOS, body, 24, 1, key)
     key = _hash_items(table, model, BODY_IQUAT, body, 32, 1, key)
     key = _hash_items(table, model, BODY_INERTIA, body, 24, 1, key)
     first = _ints(table, model, BODY_GEOMADR)[body]
     for geom in range(first, first + _ints(table, model, BODY_GEOMNUM)[body]):
         kind = _ints(table, model, GEOM_TYPE)[geom]
-        key = _hash_items(table, model, GEOM_SIZE, geom, 24, 1, key ^ kind)
+        collides = (
+            _ints(table, model, GEOM_CONTYPE)[geom] != 0
+            or _ints(table, model, GEOM_CONAFFINITY)[geom] != 0
+        )
+        sort = kind + 64 * _ints(table, model, GEOM_GROUP)[geom] + (32 if collides else 0)
+        key = _hash_items(table, model, GEOM_SIZE, geom, 24, 1, key ^ sort)
         key = _hash_items(table, model, GEOM_POS, geom, 24, 1, key)
         key = _hash_items(table, model, GEOM_QUAT, geom, 32, 1, key)
+        name = as_words(model + table[NAMES])[0] + _ints(table, model, NAME_GEOMADR)[geom]
+        length = 0
+        while byte_at(name + length) != 0:
+            length += 1
+        key = _hash(name, length, key)
         if kind == GEOM_MESH:
             mesh = _ints(table, model, GEOM_DATAID)[geom]
-            at, count = (
-                _ints(table, model, MESH_VERTADR)[mesh],
-                _ints(table, model, MESH_VERTNUM)[mesh],
-            )
-            key = _hash_items(table, model, MESH_VERT, at, 12, count, key)
-            at, count = (
-                _ints(table, model, MESH_FACEADR)[mesh],
-                _ints(table, model, MESH_FACENUM)[mesh],
-            )
-            key = _hash_items(table, model, MESH_FACE, at, 12, count, key)
-    return key if key != 0 else 1
+            at = _ints(table, model, MESH_VERTADR)[mesh]
+            count = _ints(table, model, MESH_VERTNUM)[mesh]
+            key = _hash_large(table, model, MESH_VERT, at, count, key)
+            at = _ints(table, model, MESH_FACEADR)[mesh]
+            count = _ints(table, model, MESH_FACENUM)[mesh]
+            key = _hash_large(table, model, MESH_FACE, at, count, key)
+    return key
+
+
+@kernel
+def _hash_large(table: Any, model: int, member: int, first: int, count: int, key: int) -> int:
+    """Hash of rows of 12 bytes; of many, some words and the address of the model."""
+    if count <= LARGE:
+        return _hash_items(table, model, member, first, 12, count, key)
+    address = as_words(model + table[member])[0] + 12 * first
+    words = 12 * count >> 3
+    key = _mix(_mix(key, model), count)
+    for i in range(LARGE):
+        key = _mix(key, word_at(address, i * words // LARGE))
+    return key
+
+
+@kernel
+def _is_large(table: Any, model: int, head: int) -> bool:
+    """Whether not all of a head's meshes are hashed at every call."""
+    parent = _ints(table, model, BODY_PARENTID)
+    body, last = head, _size(table, model, NBODY)
+    while True:
+        first = _ints(table, model, BODY_GEOMADR)[body]
+        for geom in range(first, first + _ints(table, model, BODY_GEOMNUM)[body]):
+            mesh = _ints(table, model, GEOM_DATAID)[geom]
+            if _ints(table, model, GEOM_TYPE)[geom] == GEOM_MESH and (
+                _ints(table, model, MESH_VERTNUM)[mesh] > LARGE
+                or _ints(table, model, MESH_FACENUM)[mesh] > LARGE
+            ):
+                return True
+        body += 1
+        if body >= last or parent[body] < head:
+            return False
 
 
 @kernel
 def _look_up(table: Any, key: int) -> Any:
-    """Address of the block of a content: 0 if it cannot be built, -1 if nobody has tried."""
-    blocks = as_words(table[TABLE])
-    slots = blocks[SLOTS]
+    """Address of the record of a content: CANNOT, DRY, or -1 if nobody has asked."""
+    records = as_words(table[TABLE])
+    slots = records[SLOTS]
     k = key & (slots - 1)
-    while blocks[PAIRS + 2 * k] != key:
-        if blocks[PAIRS + 2 * k] == 0:
+    while records[PAIRS + 2 * k] != key:
+        if records[PAIRS + 2 * k] == 0:
             return -1
         k = (k + 1) & (slots - 1)
-    return blocks[PAIRS + 2 * k + 1]
+    return records[PAIRS + 2 * k + 1]
 
 
 @kernel
-def _build(table: Any, model: int, body: int, instance: int, key: int, request: int) -> Any:
-    """Ask Python for a block; request holds what it says."""
+def _ask(
+    table: Any, model: int, what: int, body: int, instance: int, key: int, request: int
+) -> Any:
+    """Ask Python; request (REQUEST words) holds what it says, its answer is returned."""
     words = as_words(request)
-    words[BODY], words[INSTANCE], words[KEY], words[BLOCK], words[MESSAGE] = (
-        body,
-        instance,
-        key,
-        0,
-        0,
-    )
+    words[ASK], words[BODY], words[INSTANCE], words[KEY] = what, body, instance, key
+    words[ANSWER] = words[MESSAGE] = 0
     call_address(table[BUILDER], model, request, 0)
-    return words[BLOCK]
+    return words[ANSWER]
 
 
 @kernel
 def _load(table: Any, model: int, data: int, body: int, instance: int, scratch: int) -> Any:
-    """Pose and wrench of a body to scratch; the address of its block, 0 if there is no finite wrench.
+    """Pose and wrench of a body to scratch; the address of its record, 0 if there is no force.
 
-    scratch: state (18), wrench (12), request (5).
+    scratch: state (18), wrench (12), request (6), readings (5), of `wet_load`.
     """
     key = _content(table, model, body, instance)
-    block = _look_up(table, key)
-    if block == -1:
-        block = _build(table, model, body, instance, key, scratch + 8 * 30)
-    state, wrench = as_doubles(scratch), as_doubles(scratch + 8 * 18)
+    record = _look_up(table, key)
+    if record == -1:
+        record = _ask(table, model, HULL, body, instance, key, scratch + 8 * AT_REQUEST)
+    if record == DRY:
+        return 0
+    state, wrench = as_doubles(scratch), as_doubles(scratch + 8 * AT_WRENCH)
     total = np.nan
-    if block != 0:
-        centre, rotation = _doubles(table, data, XIPOS), _doubles(table, data, XMAT)
+    if record != CANNOT:
+        known = as_doubles(record)
+        place, rotation = _doubles(table, data, XPOS), _doubles(table, data, XMAT)
         moving, origin = _doubles(table, data, CVEL), _doubles(table, data, SUBTREE_COM)
         tree = _ints(table, model, BODY_ROOTID)[body]
-        for i in range(3):
-            state[i] = centre[3 * body + i]
+        cx, cy, cz = known[CENTRE], known[CENTRE + 1], known[CENTRE + 2]
         for i in range(9):
             state[3 + i] = rotation[9 * body + i]
+        for i in range(3):
+            state[i] = place[3 * body + i] + (
+                state[3 + 3 * i] * cx + state[4 + 3 * i] * cy + state[5 + 3 * i] * cz
+            )
         wx, wy, wz = moving[6 * body], moving[6 * body + 1], moving[6 * body + 2]
         rx, ry, rz = (
             state[0] - origin[3 * tree],
@@ -259,12 +392,22 @@ def _load(table: Any, model: int, data: int, body: int, instance: int, scratch: 
         state[13] = moving[6 * body + 4] + (wz * rx - wx * rz)
         state[14] = moving[6 * body + 5] + (wx * ry - wy * rx)
         state[15], state[16], state[17] = wx, wy, wz
-        call_address(table[WRENCH], block, scratch, scratch + 8 * 18)
+        weights = _doubles(table, model, BODY_INVWEIGHT0)
+        needed = wet_load(
+            table[WRENCH], record, scratch, scratch + 8 * AT_WRENCH, scratch + 8 * AT_LOAD,
+            as_doubles(model + table[TIMESTEP])[0], -as_doubles(model + table[GRAVITY])[2],
+            weights[2 * body], weights[2 * body + 1],
+        )  # fmt: skip
+        if needed < known[NEEDED_STEP]:
+            first = not known[NEEDED_STEP] < np.inf
+            known[NEEDED_STEP] = needed
+            if first:
+                _ask(table, model, TOO_LARGE_STEP, body, instance, key, scratch + 8 * AT_REQUEST)
         total = 0.0
         for i in range(12):
             total += wrench[i]
     if np.isfinite(total):
-        return block
+        return record
     mj_warning(data, WARN_BADQACC, WARNED_BODY + body)
     return 0
 
@@ -272,7 +415,7 @@ def _load(table: Any, model: int, data: int, body: int, instance: int, scratch: 
 @kernel
 def _push(table: Any, model: int, data: int, body: int, scratch: int) -> None:
     """qfrc_passive += J'w: the wrench about the body's centre of mass, on every dof that moves it."""
-    state, wrench = as_doubles(scratch), as_doubles(scratch + 8 * 18)
+    state, wrench = as_doubles(scratch), as_doubles(scratch + 8 * AT_WRENCH)
     fx, fy, fz = wrench[0] + wrench[6], wrench[1] + wrench[7], wrench[2] + wrench[8]
     tree = 3 * _ints(table, model, BODY_ROOTID)[body]
     origin = _doubles(table, data, SUBTREE_COM)  # about which MuJoCo keeps the motion of a tree
@@ -297,21 +440,22 @@ def _push(table: Any, model: int, data: int, body: int, scratch: int) -> None:
 
 @kernel
 def _sense(table: Any, model: int, data: int, instance: int, sensor: int, scratch: int) -> None:
-    """One sensor: its readings of every body of the instance in turn."""
-    wrench, seen = as_doubles(scratch + 8 * 18), as_doubles(scratch + 8 * 35)
+    """One sensor: its readings of every wet body of the instance in turn."""
+    wrench, seen = as_doubles(scratch + 8 * AT_WRENCH), as_doubles(scratch + 8 * AT_SEEN)
     out = as_words(data + table[SENSORDATA])[0] + 8 * _ints(table, model, SENSOR_ADR)[sensor]
     reading = as_doubles(out)
-    plugin = _ints(table, model, BODY_PLUGIN)
+    below = _wets_below(table, model, instance)
     at = 0
     for body in range(1, _size(table, model, NBODY)):
-        if plugin[body] != instance:
+        if not _is_head(table, model, body, instance, below):
             continue
-        block = _load(table, model, data, body, instance, scratch)
+        record = _load(table, model, data, body, instance, scratch)
         for i in range(6):
-            reading[at + i] = wrench[i] + wrench[6 + i] if block != 0 else 0.0
-        if block != 0:
-            call_address(table[IMMERSION], block, scratch, scratch + 8 * 35)
-        reading[at + 6] = seen[0] if block != 0 else 0.0
+            reading[at + i] = wrench[i] + wrench[6 + i] if record != 0 else 0.0
+        if record != 0:
+            block = bits(as_doubles(record)[BLOCK])
+            call_address(table[IMMERSION], block, scratch, scratch + 8 * AT_SEEN)
+        reading[at + 6] = seen[0] if record != 0 else 0.0
         at += READING
 
 
@@ -321,27 +465,34 @@ def nstate(model: int, instance: int) -> int:
 
 
 def nsensordata(model: int, instance: int, sensor: int) -> int:
-    """Numbers that a sensor shows: READING for every body of the instance."""
+    """Numbers that a sensor shows: READING for every wet body of the instance."""
     table = as_words(_root())
-    plugin = _ints(table, model, BODY_PLUGIN)
+    below = _wets_below(table, model, instance)
     count = 0
     for body in range(1, _size(table, model, NBODY)):
-        if plugin[body] == instance:
+        if _is_head(table, model, body, instance, below):
             count += READING
     return count
 
 
 def init(model: int, data: int, instance: int) -> int:
-    """Called for every new MjData, and so by the compiler: look at the configuration, build the blocks."""
+    """Called for every new MjData, and so by the compiler: look at the configuration, build the records."""
     table = as_words(_root())
     request = stack_doubles(REQUEST)
-    _build(table, model, -1, instance, 0, request)
-    plugin = _ints(table, model, BODY_PLUGIN)
+    _ask(table, model, CONFIGURATION, -1, instance, 0, request)
+    below = _wets_below(table, model, instance)
+    built = False
     for body in range(1, _size(table, model, NBODY)):
-        if plugin[body] == instance and as_words(request)[MESSAGE] == 0:
+        if as_words(request)[MESSAGE] == 0 and _is_head(table, model, body, instance, below):
             key = _content(table, model, body, instance)
-            if _look_up(table, key) <= 0:
-                _build(table, model, body, instance, key, request)
+            known = _look_up(table, key)
+            if known <= 0:
+                built = True
+                _ask(table, model, HULL, body, instance, key, request)
+            elif _is_large(table, model, body):
+                _ask(table, model, FRESH_HULL, body, instance, key, request)
+    if built and as_words(request)[MESSAGE] == 0:
+        _ask(table, model, DOUBTS, -1, instance, 0, request)
     message = as_words(request)[MESSAGE]
     if message != 0:
         mju_error(message)  # does not return
@@ -353,14 +504,14 @@ def reset(model: int, state: int, stored: int, instance: int) -> None:
 
 
 def compute(model: int, data: int, instance: int, capability: int) -> None:
-    """The wrench of water and air on every body of the instance: as a force, or as sensors show it."""
+    """The wrench of water and air on every wet body of the instance: as a force, or as sensors show it."""
     table = as_words(_root())
-    scratch = stack_doubles(40)
+    scratch = stack_doubles(LOAD_SCRATCH)
     if capability & PASSIVE:
-        plugin = _ints(table, model, BODY_PLUGIN)
+        below = _wets_below(table, model, instance)
         awake = _ints(table, data, BODY_AWAKE)
         for body in range(1, _size(table, model, NBODY)):
-            mine = plugin[body] == instance and awake[body] != ASLEEP
+            mine = awake[body] != ASLEEP and _is_head(table, model, body, instance, below)
             if mine and _load(table, model, data, body, instance, scratch) != 0:
                 _push(table, model, data, body, scratch)
     if capability & SENSOR:

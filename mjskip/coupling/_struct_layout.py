@@ -39,6 +39,7 @@ DTYPES: dict[str, Any] = {
     "mjtBool": np.uint8,
 }
 POINTER = 8
+MEDIUM = ("density", "viscosity")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,9 +100,9 @@ def _measure(kind: Any) -> tuple[int, int]:
     return 4, 4  # an enum
 
 
-def gravity_offset() -> int:
-    """Where in mjModel its options have the gravity [bytes]."""
-    return members("mjModel")["opt"].offset + members("mjOption")["gravity"].offset
+def option_offset(name: str) -> int:
+    """Where in mjModel its options have a member [bytes]."""
+    return members("mjModel")["opt"].offset + members("mjOption")[name].offset
 
 
 class ModelView:
@@ -109,8 +110,14 @@ class ModelView:
 
     def __init__(self, address: int) -> None:
         self._address = address
+        self._seen: dict[str, Any] = {}
 
     def __getattr__(self, name: str) -> Any:
+        if name not in self._seen:
+            self._seen[name] = self._read(name)
+        return self._seen[name]
+
+    def _read(self, name: str) -> Any:
         if name not in members("mjModel"):
             raise AttributeError(f"mjModel has no member {name!r}")
         member = members("mjModel")[name]
@@ -123,7 +130,13 @@ class ModelView:
     @property
     def gravity(self) -> npt.NDArray[np.float64]:
         """`MjModel.opt.gravity` (3,) [m/s^2]."""
-        return _array(self._address + gravity_offset(), "mjtNum", (3,))
+        return _array(self._address + option_offset("gravity"), "mjtNum", (3,))
+
+    @property
+    def medium(self) -> tuple[float, float]:
+        """Density and viscosity of MuJoCo's own medium."""
+        found = [_array(self._address + option_offset(n), "mjtNum", (1,))[0] for n in MEDIUM]
+        return float(found[0]), float(found[1])
 
     def body(self, body: int) -> SimpleNamespace:
         """Name of a body, as `MjModel.body` has it."""
@@ -184,6 +197,9 @@ def check(data_members: Iterable[str]) -> None:
     wrong += [f"mjData.{name}" for name in _misplaced("mjData", data, data_members)]
     if not np.array_equal(ModelView(model._address).gravity, model.opt.gravity):
         wrong.append("mjOption.gravity")
+    at = model._address + option_offset("timestep")
+    if _array(at, "mjtNum", (1,))[0] != model.opt.timestep:
+        wrong.append("mjOption.timestep")
     if wrong:
         raise MjskipError(
             f"MuJoCo {mujoco.mj_versionString()} keeps {', '.join(wrong[:3])} elsewhere than its "

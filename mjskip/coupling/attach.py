@@ -2,64 +2,178 @@
 
 from __future__ import annotations
 
-import ctypes
-import sys
-import threading
 import warnings
-from collections import deque
-from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass, field
-from functools import cache
+from collections.abc import Callable, Iterator
+from types import TracebackType
 from typing import Any
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
-from numba import types
 
-from mjskip._compile.jit import native as compile_native
-from mjskip._compile.pointers import address_of_cfunc
-from mjskip.coupling import _control_kernels as tables
-from mjskip.coupling.bodies import body_name, body_stone, find_body, free_bodies
+from mjskip._typing import Array
+from mjskip.checks import check_type
+from mjskip.coupling import callback
+from mjskip.coupling.bodies import body_name, find_body
 from mjskip.coupling.plugin import plugin_water
-from mjskip.errors import DivergedError, MjskipWarning, SceneError
-from mjskip.hydro.stone import Stone
+from mjskip.coupling.records import doubts, make_record, too_large_step
+from mjskip.coupling.selection import BodyRule, GeomRule, WetBody, select
+from mjskip.coupling.wet import BuiltHull, HullOptions, Inertia, Interior, hull_of, inertia_of
+from mjskip.errors import CouplingError, DivergedError, MjskipWarning, SceneError
+from mjskip.hydro import primitives
+from mjskip.hydro.hull import Hull
+from mjskip.hydro.hydrostatics import Hydrostatics, hydrostatics
 from mjskip.hydro.water import Water
-from mjskip.hydro.wrench import Wrench, pack, pack_states, wrench_address, wrench_of
+from mjskip.hydro.wrench import Wrench, pack, wrench_of
+from mjskip.rigid.state import pack_states
 
 
-@dataclass(frozen=True, eq=False)
 class Coupling:
-    """Water that acts on bodies of one model while `attach` is open.
+    """Water that acts on bodies of one model, from `attach` until `close`.
+
+    It may be used with `with`, kept, closed, and entered again. The water acts as long as the model lives,
+    also if this object is dropped; attaching the model again then takes its place.
 
     Attributes:
         model: the model; its copies are strangers.
         bodies: ids of the bodies the water acts on.
-        stones: what each of them is to the water, in the same order.
+        hulls: what each of them is to the water, in the same order.
         water: the fluid.
         blocks: what the force kernel knows of each; a patch of surface may be put there.
+        wet: the geoms of each, and why others are left out.
+        dry: why the other moving bodies are dry, by id.
     """
 
-    model: mujoco.MjModel
-    bodies: tuple[int, ...]
-    stones: tuple[Stone, ...]
-    water: Water
-    _entry: npt.NDArray[np.int64] = field(repr=False)
-    _frames: list[npt.NDArray[np.float64]] = field(repr=False)
-    blocks: list[npt.NDArray[np.float64]] = field(repr=False)
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData | None,
+        water: Water,
+        *,
+        bodies: BodyRule,
+        geoms: GeomRule,
+        options: HullOptions,
+        native: bool,
+    ) -> None:
+        """Choose what is wet and prepare it; `open` lets the water act."""
+        _check_arguments(model, data, water)
+        self.model, self.water, self.options = model, water, options
+        self._data, self._native = data, native
+        chosen = select(model, bodies, geoms)
+        self.dry: dict[int, str] = dict(chosen.dry)
+        self.wet: list[WetBody] = []
+        self.built: list[BuiltHull] = []
+        self.inertias: list[Inertia] = []
+        for wet in chosen.wet:
+            _refuse_plugged(model, wet.members)
+            inertia = inertia_of(model, wet.body, wet.members)
+            built = hull_of(model, wet, options, inertia)
+            if built.hull is None:
+                self.dry[wet.body] = "none of its geoms is a solid"
+                continue
+            self.wet.append(wet)
+            self.built.append(built)
+            self.inertias.append(inertia)
+        if not self.wet:
+            reasons = "; ".join(f"{body_name(model, b)!r}: {why}" for b, why in self.dry.items())
+            raise SceneError(f"this model has no geom for water to act on: {reasons}")
+        self.bodies: tuple[int, ...] = tuple(wet.body for wet in self.wet)
+        self.hulls: tuple[Hull, ...] = tuple(b.hull for b in self.built if b.hull is not None)
+        gravity = float(-model.opt.gravity[2])
+        self.blocks: list[Array] = [pack(hull, water, gravity=gravity) for hull in self.hulls]
+        self.records: list[Array] = [
+            make_record(hull, water, inertia, block)
+            for hull, inertia, block in zip(self.hulls, self.inertias, self.blocks, strict=True)
+        ]
+        self._entry = callback.Entry(model, self.bodies, self.records, self.blocks, self.inertias)
+        self._before: Array | None = None
+        self._depth = 0
+        self._remove: Callable[[], bool] | None = None
+        self._told: set[str] = set()
+        self.doubts = doubts(
+            model, water, zip(self.bodies, (w.members for w in self.wet), self.built, strict=True)
+        )
 
-    def check(self) -> None:
-        """Raise if a force was not finite since `attach`.
+    def __repr__(self) -> str:
+        names = [body_name(self.model, body) for body in self.bodies]
+        shown = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+        state = "acting" if self.is_open else "closed"
+        return f"<Coupling: water on {shown}, {state}>"
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the water acts."""
+        return self._remove is not None
+
+    def open(self) -> Coupling:
+        """Let the water act (again).
 
         Raises:
-            DivergedError: with the first such body and its time.
+            SceneError: the model is attached already, or it silences callbacks.
         """
-        body = int(self._entry[tables.FAILED])
-        if body >= 0:
-            when = float(
-                self._entry[tables.FAILURE_TIME : tables.FAILURE_TIME + 1].view(np.float64)[0]
+        if self._remove is not None:
+            return self
+        if self.model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_ACTUATION:
+            raise SceneError(
+                'this model says <flag actuation="disable"/>, which silences callbacks: remove it so that '
+                "water can act"
             )
+        self._entry.forget()
+        self._told.clear()
+        install = callback.install_native if self._native else callback.install_python
+        self._remove = install(self, self._entry)
+        if self._data is not None:
+            self._before = self._data.xfrc_applied[list(self.bodies)].copy()
+        return self
+
+    def close(self) -> None:
+        """End the water and put `xfrc_applied` back, then `check`. Again does nothing.
+
+        Raises:
+            DivergedError: a force was not finite.
+            CouplingError: the water had stopped acting, because another callback took its place.
+        """
+        if self._remove is not None:
+            self._end()
+            self.check()
+
+    def _end(self) -> None:
+        """End the water without a word."""
+        remove, self._remove = self._remove, None
+        if remove is not None:
+            self._entry.replaced |= not remove()
+            if self._data is not None and self._before is not None:
+                self._data.xfrc_applied[list(self.bodies)] = self._before
+
+    def __enter__(self) -> Coupling:
+        self.open()
+        self._depth += 1
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._depth -= 1
+        if self._depth <= 0:
+            self._depth = 0
+            if kind is None:
+                self.close()
+            else:
+                self._end()  # what went wrong already must not be hidden
+
+    def check(self) -> None:
+        """Raise, or warn once, if something went wrong since the water was let act.
+
+        Raises:
+            DivergedError: a force was not finite; with the first such body and its time.
+            CouplingError: the water stopped acting, because another callback took its place.
+        """
+        self._check_callback()
+        entry = self._entry
+        if entry.failed is not None:
+            body, when = entry.failed
             name = body_name(self.model, body)
             raise DivergedError(
                 f"the water's force on body {name!r} is not finite at t = {when:.6g} s: use a smaller "
@@ -67,24 +181,169 @@ class Coupling:
                 body=name,
                 time=when,
             )
+        if entry.limited is not None:
+            body, when, needed = entry.limited
+            self._warn(
+                "step",
+                too_large_step(
+                    body_name(self.model, body), float(self.model.opt.timestep), needed, when
+                ),
+            )
+        if entry.copy_was_stepped:
+            self._warn(
+                "copy",
+                "a copy of this model, or one compiled from the same source, was stepped without water: attach() it "
+                "too, or let a Batch step this very model by batch.set_models(model)",
+            )
+
+    def _check_callback(self) -> None:
+        if self._remove is not None and not callback.is_acting(self):
+            self._entry.replaced = True
+        if self._entry.replaced:
+            raise CouplingError(
+                "the water stopped acting: mujoco.set_mjcb_control() was called while it was attached, and the last "
+                "force stayed in xfrc_applied; set callbacks before attach(), which calls them too, or close() first"
+            )
+
+    def _warn(self, key: str, text: str) -> None:
+        if key not in self._told:
+            self._told.add(key)
+            warnings.warn(text, MjskipWarning, stacklevel=4)
 
     def wrench(self, data: mujoco.MjData, body: int | str) -> Wrench:
-        """Wrench of water and air on an attached body, by name or id, in the pose and motion of `data`.
+        """Wrench of water and air on a wet body, by name or id, in the pose and motion of `data`.
+
+        Torques are about the centre of mass of the bodies that are welded together.
 
         Raises:
-            SceneError: the water does not act on such a body.
+            SceneError: the water does not act on such a body, or the data belong to another model.
+            CouplingError: the water stopped acting.
         """
-        body = find_body(self.model, body) if isinstance(body, str) else body
-        if body not in self.bodies:
-            has = ", ".join(f"{body_name(self.model, b)!r} ({b})" for b in self.bodies)
-            raise SceneError(f"body {body!r} is not attached: the water acts on {has}")
+        return self._wrench(data, self._index(body))
+
+    def wrenches(self, data: mujoco.MjData) -> dict[str, Wrench]:
+        """Wrench on every wet body, by name, or by number where it has none."""
+        return {
+            body_name(self.model, body): self._wrench(data, k) for k, body in enumerate(self.bodies)
+        }
+
+    def tree_wrench(self, data: mujoco.MjData, body: int | str | None = None) -> Wrench:
+        """The sum over a whole tree, torques about its centre of mass.
+
+        Args:
+            data: pose and motion.
+            body: any body of the tree; the first wet body's if None.
+        """
+        root, rows = self._tree(body)
+        parts = [self._wrench(data, k) for k in rows]
+        centre = np.array(data.subtree_com[root])
+        arms = [self.centre(data, k) - centre for k in rows]
+        wetted = sum(p.wetted_area for p in parts)
+        return Wrench(
+            force=np.sum([p.force for p in parts], axis=0),
+            torque=np.sum(
+                [p.torque + np.cross(r, p.force) for p, r in zip(parts, arms, strict=True)], axis=0
+            ),
+            air_force=np.sum([p.air_force for p in parts], axis=0),
+            air_torque=np.sum(
+                [p.air_torque + np.cross(r, p.air_force) for p, r in zip(parts, arms, strict=True)],
+                axis=0,
+            ),
+            wetted_area=wetted,
+            wetted_centre=np.sum([p.wetted_area * p.wetted_centre for p in parts], axis=0) / wetted
+            if wetted > 0.0
+            else centre,
+            clearance=min(p.clearance for p in parts),
+        )
+
+    def hydrostatics(self, data: mujoco.MjData, body: int | str | None = None) -> Hydrostatics:
+        """Displaced volume, centre of buoyancy, wetted area, metacentric heights in still water.
+
+        Args:
+            data: pose.
+            body: any body of the tree that is asked about; the first wet body's if None.
+
+        Overlaps between bodies across a joint count twice, as they do in the forces.
+        """
+        self._check_data(data)
+        root, _ = self._tree(body)
+        ahead = data.xmat[root].reshape(3, 3)[:, 0]
+        return hydrostatics(
+            self.triangles(data, root),
+            centre_of_mass=data.subtree_com[root],
+            heading=float(np.arctan2(ahead[1], ahead[0])),
+        )
+
+    def triangles(self, data: mujoco.MjData, body: int | str | None = None) -> Array:
+        """Corners (n, 3, 3) of all hulls of a tree in the pose of `data`, world [m]."""
+        _, rows = self._tree(body)
+        placed = [
+            self.hulls[k].triangles @ data.xmat[self.bodies[k]].reshape(3, 3).T
+            + self.centre(data, k)
+            for k in rows
+        ]
+        return np.concatenate(placed)
+
+    def report(self, data: mujoco.MjData | None = None) -> Any:
+        """What is wet and why, body by body: see `mjskip.coupling.report.Report`."""
+        from mjskip.coupling.report import report_of
+
+        return report_of(self, data)
+
+    def _tree(self, body: int | str | None) -> tuple[int, list[int]]:
+        """Root of a tree, and the rows of its wet bodies."""
+        if body is None:
+            body = self.bodies[0]
+        elif isinstance(body, str):
+            body = find_body(self.model, body)
+        root = int(self.model.body_rootid[body])
+        rows = [k for k, b in enumerate(self.bodies) if int(self.model.body_rootid[b]) == root]
+        if not rows:
+            raise SceneError(f"no body of the tree of {body_name(self.model, body)!r} is in water")
+        return root, rows
+
+    def _index(self, body: int | str) -> int:
+        """Row of a wet body; one that is welded to it means it too."""
+        number = find_body(self.model, body) if isinstance(body, str) else body
+        for k, wet in enumerate(self.wet):
+            if number == wet.body:
+                return k
+        for k, wet in enumerate(self.wet):
+            if number in wet.members:
+                return k
+        has = ", ".join(f"{body_name(self.model, b)!r} ({b})" for b in self.bodies)
+        raise SceneError(f"body {body!r} is not attached: the water acts on {has}")
+
+    def _check_data(self, data: mujoco.MjData) -> None:
+        check_type("data", data, mujoco.MjData, "give the mujoco.MjData of the attached model")
+        if not _same_model(self.model, data.model):
+            raise SceneError(
+                "this data belongs to another model than the one that is attached: give data of the attached model"
+            )
+
+    def centre(self, data: mujoco.MjData, k: int) -> Array:
+        """Centre of mass of the welded bodies in row k (3,), world [m]."""
+        body = self.bodies[k]
+        return np.asarray(data.xpos[body] + data.xmat[body].reshape(3, 3) @ self.inertias[k].centre)
+
+    def _wrench(self, data: mujoco.MjData, k: int) -> Wrench:
+        self._check_data(data)
+        self._check_callback()
+        self._entry.follow_gravity(self.records[k], self.blocks[k])
+        return wrench_of(self.blocks[k], self.state(data, k))
+
+    def state(self, data: mujoco.MjData, k: int) -> Array:
+        """State (1, 18) for the force kernel of the wet body in row k."""
+        body = self.bodies[k]
         velocity = np.empty(6)
         mujoco.mj_objectVelocity(self.model, data, mujoco.mjtObj.mjOBJ_BODY, body, velocity, 0)
         rotation = data.xmat[body].reshape(1, 3, 3)
-        states = pack_states(
-            data.xipos[body][None], rotation, velocity[None, 3:], velocity[None, :3]
-        )
-        return wrench_of(self.blocks[self.bodies.index(body)], states)
+        centre, moving = data.xipos[body][None], velocity[None, 3:]
+        offset = self._entry.offsets[k]
+        if offset is not None:
+            away = rotation[0] @ offset
+            centre, moving = centre + away, moving + np.cross(velocity[:3], away)
+        return pack_states(centre, rotation, moving, velocity[None, :3])
 
 
 def attach(
@@ -92,230 +351,95 @@ def attach(
     data: mujoco.MjData | None = None,
     *,
     water: Water | None = None,
-    bodies: Sequence[str] | None = None,
-    geoms: Sequence[str] | None = None,
+    bodies: BodyRule = None,
+    geoms: GeomRule = None,
+    resolution: int = primitives.RESOLUTION,
+    max_faces: int = HullOptions.max_faces,
+    interior: Interior = "flooded",
+    strict: bool = False,
     native: bool = True,
-) -> AbstractContextManager[Coupling]:
-    """Let still water (z = 0) and air act on bodies of a model for as long as the context is open.
+) -> Coupling:
+    """Let still water (z = 0) and air act on bodies of a model.
 
     The forces are worked out inside MuJoCo at every evaluation, RK4's sub-stages included, and assigned
-    to `xfrc_applied` of the attached bodies, for every MjData that is stepped with this very model:
+    to `xfrc_applied` of the wet bodies, for every MjData that is stepped with this very model:
     also in `mujoco.rollout` and, after `batch.set_models(model)`, in `mujoco.batch.Batch`. What a user
-    (or a viewer's mouse) puts there for an attached body is overwritten; other bodies keep theirs.
+    (or a viewer's mouse) puts there for a wet body is overwritten; other bodies keep theirs. Gravity is followed
+    when it changes; mass, inertia and geoms are read once, here.
 
     Args:
-        model: compiled model. Its mass, inertia and geoms are read once, here.
-        data: its `xfrc_applied` of the attached bodies is put back at the end; may be None.
-        water: the fluid; `Water()` if omitted.
-        bodies: names of the bodies; all bodies with a free joint if None.
-        geoms: names of the geoms that water touches; all geoms of the bodies if None.
+        model: compiled model.
+        data: its `xfrc_applied` of the wet bodies is put back at the end; may be None.
+        water: the fluid; `Water()` if omitted; `Water.floating()` for what floats.
+        bodies: names, ids, "all" that move, "group N" (with a geom of the group), or a function of (model, id);
+            all moving bodies of trees whose root has a free joint if None. What is welded to a body belongs
+            to it.
+        geoms: names, ids, "all", "collision", "group N", or a function of (model, id); of every body the
+            colliding ones, or all if none collides, if None.
+        resolution: segments around round geoms; their volume is exact.
+        max_faces: hulls of more faces are simplified to this many, 0 keeps all; see `Coupling.report`.
+        interior: "flooded"; for open boats without water inside "deck" or "convex", see
+            `mjskip.coupling.wet.HullOptions`.
+        strict: refuse open meshes; otherwise their convex hull is taken, with a warning each.
         native: False installs a callback in plain Python, for teaching and tests: far slower, and no model can
             be compiled, nor threads be used, while it is there.
 
     Returns:
-        A context that enters with the coupling, whose `check()` raises if a force was not finite. Leaving the
-        context does too.
+        The coupling. It acts at once, until it is closed or left as a context; both raise if a force was not
+        finite or the callback was replaced.
 
     Raises:
-        SceneError: no such body, a geom that is no solid, a model that silences callbacks, or one that is
+        SceneError: no such body, nothing that can be wet, a model that silences callbacks, or one that is
             attached already.
-        MeshError: a mesh geom is not closed.
-        DivergedError: on leaving, if a force was not finite.
+        MeshError: a mesh geom is not closed (strict).
+        ValueError: an argument is of no kind that is allowed.
     """
-    return _Attachment(_attached_water(model, data, water or Water(), bodies, geoms, native))
+    options = HullOptions(
+        resolution=resolution, max_faces=max_faces, interior=interior, strict=strict
+    )
+    coupling = Coupling(
+        model,
+        data,
+        Water() if water is None else water,
+        bodies=bodies,
+        geoms=geoms,
+        options=options,
+        native=native,
+    )
+    for text in coupling.doubts:
+        warnings.warn(text, MjskipWarning, stacklevel=2)
+    return coupling.open()
 
 
-class _Attachment(AbstractContextManager[Coupling]):
-    """Water that acts once it is entered, and says so if it never was."""
-
-    def __init__(self, water: AbstractContextManager[Coupling]) -> None:
-        self._water, self._entered = water, False
-
-    def __enter__(self) -> Coupling:
-        self._entered = True
-        return self._water.__enter__()
-
-    def __exit__(self, *error: Any) -> bool | None:
-        return self._water.__exit__(*error)
-
-    def __del__(self) -> None:
-        if not self._entered and not sys.is_finalizing():
-            warnings.warn(
-                "attach() without `with` does nothing: write `with attach(model, data):` around the steps",
-                MjskipWarning,
-                stacklevel=2,
+def _check_arguments(model: Any, data: Any, water: Any) -> None:
+    check_type("model", model, mujoco.MjModel, "give what mujoco.MjModel.from_xml_path(file) makes")
+    if data is not None:
+        check_type("data", data, mujoco.MjData, "give mujoco.MjData(model), or leave it out")
+        if not _same_model(model, data.model):
+            raise SceneError(
+                "this data belongs to another model: make it with mujoco.MjData(model)"
             )
+    check_type("water", water, Water, "give a mjskip.Water, such as Water.floating()")
 
 
-@contextmanager
-def _attached_water(
-    model: mujoco.MjModel,
-    data: mujoco.MjData | None,
-    water: Water,
-    bodies: Sequence[str] | None,
-    geoms: Sequence[str] | None,
-    native: bool,
-) -> Iterator[Coupling]:
-    """What `attach` does."""
-    coupling = _couple(model, water, bodies, geoms)
-    before = None if data is None else data.xfrc_applied[list(coupling.bodies)].copy()
-    remove = _install_native(coupling) if native else _install_python(coupling)
-    try:
-        yield coupling
-    finally:
-        remove()
-        if data is not None:
-            data.xfrc_applied[list(coupling.bodies)] = before
-    coupling.check()
+def _same_model(model: mujoco.MjModel, other: mujoco.MjModel) -> bool:
+    """Whether two models are one, or copies of which nothing that poses bodies was altered."""
+    if model._address == other._address:
+        return True
+    return model.signature == other.signature and all(
+        np.array_equal(a, b) for a, b in zip(_posing(model), _posing(other), strict=True)
+    )
 
 
-def _couple(
-    model: mujoco.MjModel, water: Water, bodies: Sequence[str] | None, geoms: Sequence[str] | None
-) -> Coupling:
-    if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_ACTUATION:
-        raise SceneError(
-            'this model says <flag actuation="disable"/>, which silences callbacks: remove it so that '
-            "water can act"
-        )
-    ids = free_bodies(model) if bodies is None else [find_body(model, name) for name in bodies]
-    if not ids:
-        raise SceneError(
-            "this model has no free body: give the stone a <freejoint/>, or name bodies="
-        )
-    for body in ids:
+def _posing(model: mujoco.MjModel) -> Iterator[Any]:
+    yield from (model.body_pos, model.body_ipos, model.body_mass, model.geom_size, model.geom_pos)
+    yield from (model.jnt_pos, model.jnt_axis, model.mesh_vert)
+
+
+def _refuse_plugged(model: mujoco.MjModel, members: tuple[int, ...]) -> None:
+    for body in members:
         if plugin_water(model, body) is not None:
             raise SceneError(
                 f"body {body_name(model, body)!r} has its water from plugin mjskip.water: name others with "
                 "bodies=, or take the plugin out of the model"
             )
-    if geoms is not None:
-        has = [model.geom(g).name for g in range(model.ngeom) if model.geom_bodyid[g] in ids]
-        for geom in geoms:
-            if geom not in has:
-                raise SceneError(
-                    f"no geom {geom!r} on these bodies: their geoms are {', '.join(has)}"
-                )
-    stones = [body_stone(model, body, geoms=geoms) for body in ids]
-    gravity = float(-model.opt.gravity[2])
-    blocks = [pack(stone, water, gravity=gravity) for stone in stones]
-    frames = [np.array([*model.body_ipos[body], 1.0, 0.0, 0.0, 0.0]) for body in ids]
-    words = [model.nbody, len(ids), -1, 0]
-    for body, frame, block in zip(ids, frames, blocks, strict=True):
-        words += [body, frame.ctypes.data, block.ctypes.data]
-    return Coupling(
-        model=model,
-        bodies=tuple(ids),
-        stones=tuple(stones),
-        water=water,
-        _entry=np.array(words, dtype=np.int64),
-        _frames=frames,
-        blocks=blocks,
-    )
-
-
-_lock = threading.RLock()
-_attached: dict[int, Coupling] = {}
-_in_python: set[int] = set()
-_old_maps: deque[Any] = deque(maxlen=1000)
-"""Maps that a callback in another thread may still be reading; it does so for microseconds."""
-
-
-@cache
-def compile_callback() -> Any:
-    """The compiled callback and its address (first use compiles, about ten seconds, then cached)."""
-    tables.root[tables.WRENCH] = wrench_address()
-    function = compile_native(types.void(types.int64, types.int64))(tables.control)
-    return function, address_of_cfunc(function)
-
-
-def _install_native(coupling: Coupling) -> Any:
-    slot = ctypes.c_void_p.in_dll(tables.library, "mjcb_control")
-    with _lock:
-        _, address = compile_callback()
-        _register(coupling)
-        if slot.value != address:  # chain to whoever was here; a nested attach finds itself
-            tables.root[tables.PREVIOUS] = slot.value or 0
-            slot.value = address
-
-    def remove() -> None:
-        with _lock:
-            del _attached[coupling.model._address]
-            _publish()
-            if not _attached and slot.value == address:
-                slot.value = int(tables.root[tables.PREVIOUS]) or None
-                tables.root[tables.PREVIOUS] = 0
-
-    return remove
-
-
-def _register(coupling: Coupling) -> None:
-    address = coupling.model._address
-    _refuse_attached(address)
-    _attached[address] = coupling
-    _publish()
-
-
-def _refuse_attached(address: int) -> None:
-    if address in _attached or address in _in_python:
-        raise SceneError("this model is attached already: one attach() can name several bodies")
-
-
-def _publish() -> None:
-    """Make the map of attached models anew and let the callback see it."""
-    slots = max(4 * len(_attached), 1)
-    fresh = np.zeros(1 + 2 * slots, dtype=np.int64)
-    fresh[tables.SLOTS] = slots
-    for address, coupling in _attached.items():
-        k = (address >> 4) % slots
-        while fresh[tables.PAIRS + 2 * k]:
-            k = (k + 1) % slots
-        fresh[tables.PAIRS + 2 * k : tables.PAIRS + 2 * k + 2] = (
-            address,
-            coupling._entry.ctypes.data,
-        )
-    arrays = [(c._entry, c._frames, c.blocks) for c in _attached.values()]
-    _old_maps.append((fresh, arrays))  # not the models: they may be large
-    tables.root[tables.MAP] = fresh.ctypes.data
-
-
-def _install_python(coupling: Coupling) -> Any:
-    slot = ctypes.c_void_p.in_dll(tables.library, "mjcb_control")
-    address, name = slot.value, mujoco.get_mjcb_control()
-    model_address = coupling.model._address
-    chained: Any = None
-
-    def callback(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        if chained is not None:
-            chained(model, data)
-        if model._address != model_address:
-            return
-        for body in coupling.bodies:
-            found = coupling.wrench(data, body)
-            load = np.hstack([found.force + found.air_force, found.torque + found.air_torque])
-            if not np.isfinite(load).all():
-                load[:] = 0.0
-                if coupling._entry[tables.FAILED] < 0:
-                    when = coupling._entry[tables.FAILURE_TIME : tables.FAILURE_TIME + 1]
-                    when.view(np.float64)[0] = data.time
-                    coupling._entry[tables.FAILED] = body
-            data.xfrc_applied[body] = load
-
-    with _lock:
-        _refuse_attached(model_address)
-        mujoco.set_mjcb_control(callback)
-        _in_python.add(model_address)
-    if address == slot.value:  # the bindings' own entry, which leads to a Python function
-        chained = name
-    elif address:
-        native = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)(address)
-
-        def chained(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-            native(model._address, data._address)
-
-    def remove() -> None:
-        with _lock:
-            _in_python.discard(model_address)
-            mujoco.set_mjcb_control(name)
-            slot.value = address  # of a C function that the bindings know nothing of
-
-    return remove

@@ -1,77 +1,52 @@
-"""Bodies of a compiled MuJoCo model as stones: their geoms as one closed triangle mesh."""
+"""Bodies and geoms of a compiled MuJoCo model: names, trees, and geoms as closed surfaces.
+
+A model is a `mujoco.MjModel`, or a `ModelView` of one that compiled code was handed.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from typing import Any
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
-import trimesh
 
+from mjskip._typing import Array
 from mjskip.errors import MeshError, SceneError
-from mjskip.hydro.stone import Stone, closed_mesh
+from mjskip.hydro import primitives
 from mjskip.rigid.attitude import matrices
 
-Array = npt.NDArray[np.float64]
+FINE = 64
+"""Segments around a round geom where the shape counts more than the time: land."""
 
-ROUND_SECTIONS = 64
-"""Segments around a tessellated cylinder or capsule."""
-
-
-def body_stone(model: mujoco.MjModel, body: int, *, geoms: Sequence[str] | None = None) -> Stone:
-    """The stone that a body is: MuJoCo's mass and inertia, and the surface of its geoms.
-
-    Args:
-        model: compiled model.
-        body: its id.
-        geoms: names of the geoms that water touches; all of the body's if None.
-
-    Raises:
-        SceneError: the body has no geom, or one that is no solid.
-        MeshError: a mesh geom is not closed.
-    """
-    first, count = model.body_geomadr[body], model.body_geomnum[body]
-    chosen = [
-        g for g in range(first, first + count) if geoms is None or model.geom(g).name in geoms
-    ]
-    name = body_name(model, body)
-    if not chosen:
-        has = (
-            ", ".join(model.geom(g).name or f"geom {g}" for g in range(first, first + count))
-            or "none"
-        )
-        raise SceneError(
-            f"body {name!r} has no geom for water to act on: choose from its geoms ({has})"
-        )
-    if not model.body_mass[body] > 0.0:
-        raise SceneError(f"body {name!r} has no mass: give its geoms a density or a mass")
-    vertices: list[Array] = []
-    faces: list[npt.NDArray[np.int32]] = []
-    for geom in chosen:
-        mesh = geom_solid(model, geom)
-        turn = matrices(model.geom_quat[geom])
-        faces.append(np.asarray(mesh.faces, dtype=np.int32) + sum(map(len, vertices)))
-        vertices.append(np.asarray(mesh.vertices) @ turn.T + model.geom_pos[geom])
-    axes = matrices(model.body_iquat[body])
-    return Stone.of_parts(
-        vertices=np.vstack(vertices),
-        faces=np.vstack(faces),
-        mass=float(model.body_mass[body]),
-        centre=np.array(model.body_ipos[body]),
-        inertia=axes @ np.diag(model.body_inertia[body]) @ axes.T,
+GEOMS = mujoco.mjtGeom
+SOLIDS = {
+    int(kind)
+    for kind in (
+        GEOMS.mjGEOM_MESH,
+        GEOMS.mjGEOM_BOX,
+        GEOMS.mjGEOM_SPHERE,
+        GEOMS.mjGEOM_ELLIPSOID,
+        GEOMS.mjGEOM_CYLINDER,
+        GEOMS.mjGEOM_CAPSULE,
     )
+}
+"""Kinds that displace water; planes, height fields and signed distance fields are none."""
 
 
-def body_name(model: mujoco.MjModel, body: int) -> str:
+def body_name(model: Any, body: int) -> str:
     """Name of a body, or its number if it has none."""
-    return model.body(body).name or f"body {body}"
+    return str(model.body(body).name) or f"body {body}"
 
 
-def free_bodies(model: mujoco.MjModel) -> list[int]:
+def geom_name(model: Any, geom: int) -> str:
+    """Name of a geom, or its number if it has none."""
+    return str(model.geom(geom).name) or f"geom {geom}"
+
+
+def free_bodies(model: Any) -> list[int]:
     """Ids of the bodies with a free joint."""
-    free = model.jnt_type == mujoco.mjtJoint.mjJNT_FREE
-    return [int(body) for body in model.jnt_bodyid[free]]
+    free = np.asarray(model.jnt_type) == int(mujoco.mjtJoint.mjJNT_FREE)
+    return [int(body) for body in np.asarray(model.jnt_bodyid)[free]]
 
 
 def find_body(model: mujoco.MjModel, name: str) -> int:
@@ -87,55 +62,103 @@ def find_body(model: mujoco.MjModel, name: str) -> int:
     return int(body)
 
 
-def geom_solid(model: mujoco.MjModel, geom: int) -> trimesh.Trimesh:
-    """A geom's surface in its own frame. Round primitives keep their volume: meshes inscribed in them
-    are scaled up a little (the sphere's by 0.3%)."""
-    kind = mujoco.mjtGeom(model.geom_type[geom])
-    size = model.geom_size[geom]
-    label = f"geom {model.geom(geom).name or geom!r} of body {body_name(model, model.geom_bodyid[geom])!r}"
+def body_geoms(model: Any, body: int) -> range:
+    """Ids of a body's geoms."""
+    first = int(model.body_geomadr[body])
+    return range(first, first + int(model.body_geomnum[body])) if first >= 0 else range(0)
+
+
+def kind_name(model: Any, geom: int) -> str:
+    """What MJCF calls a geom's type."""
+    return str(GEOMS(int(model.geom_type[geom])).name).removeprefix("mjGEOM_").lower()
+
+
+def pose_in(model: Any, body: int, above: int) -> tuple[Array, Array]:
+    """Position (3,) and rotation (3, 3) of a body in one above it that it is welded to."""
+    position, rotation = np.zeros(3), np.eye(3)
+    while body != above:
+        turn = matrices(np.asarray(model.body_quat[body], np.float64))
+        position = np.asarray(model.body_pos[body], np.float64) + turn @ position
+        rotation = turn @ rotation
+        body = int(model.body_parentid[body])
+    return position, rotation
+
+
+def geom_solid(
+    model: Any,
+    geom: int,
+    *,
+    resolution: int = primitives.RESOLUTION,
+    strict: bool = False,
+    deck: bool = False,
+) -> Any:
+    """A geom's closed surface in its own frame, with the geom's volume.
+
+    Args:
+        model: compiled model.
+        geom: its id.
+        resolution: segments around a circle.
+        strict: refuse an open mesh; otherwise its convex hull is taken, with a warning.
+        deck: close an open mesh across its edges, where that closes it.
+
+    Raises:
+        SceneError: the geom is no solid.
+        MeshError: a mesh has no volume, or it is open (strict).
+    """
+    kind = GEOMS(int(model.geom_type[geom]))
+    size = np.asarray(model.geom_size[geom], np.float64)
     match kind:
-        case mujoco.mjtGeom.mjGEOM_MESH:
-            return _mesh_geom(model, geom, label)
-        case mujoco.mjtGeom.mjGEOM_BOX:
-            return trimesh.creation.box(extents=2.0 * size)
-        case mujoco.mjtGeom.mjGEOM_SPHERE:
-            return _keep_volume(
-                trimesh.creation.icosphere(3), np.full(3, size[0]), 4.0 / 3.0 * np.pi
-            )
-        case mujoco.mjtGeom.mjGEOM_ELLIPSOID:
-            return _keep_volume(trimesh.creation.icosphere(3), size, 4.0 / 3.0 * np.pi)
-        case mujoco.mjtGeom.mjGEOM_CYLINDER:
-            prism = trimesh.creation.cylinder(1.0, height=2.0, sections=ROUND_SECTIONS)
-            grow = np.sqrt(2.0 * np.pi / prism.volume)
-            prism.apply_scale([grow * size[0], grow * size[0], size[1]])
-            return prism
-        case mujoco.mjtGeom.mjGEOM_CAPSULE:
-            mesh = trimesh.creation.capsule(
-                radius=size[0], height=2.0 * size[1], count=[ROUND_SECTIONS, ROUND_SECTIONS // 2]
-            )
-            mesh.apply_translation(-mesh.bounds.mean(axis=0))
-            volume = np.pi * size[0] ** 2 * (2.0 * size[1] + 4.0 / 3.0 * size[0])
-            return _keep_volume(mesh, np.ones(3), volume)
+        case GEOMS.mjGEOM_MESH:
+            return mesh_solid(model, geom, strict=strict, deck=deck)
+        case GEOMS.mjGEOM_BOX:
+            return primitives.box(size)
+        case GEOMS.mjGEOM_SPHERE:
+            return primitives.ellipsoid([size[0]] * 3, resolution)
+        case GEOMS.mjGEOM_ELLIPSOID:
+            return primitives.ellipsoid(size, resolution)
+        case GEOMS.mjGEOM_CYLINDER:
+            return primitives.cylinder(size[0], size[1], resolution)
+        case GEOMS.mjGEOM_CAPSULE:
+            return primitives.capsule(size[0], size[1], resolution)
         case _:
-            raise SceneError(
-                f"{label} is a {kind.name.removeprefix('mjGEOM_').lower()}: water acts on meshes, boxes, "
-                "spheres, ellipsoids, cylinders and capsules; name the other geoms with geoms="
-            )
+            raise SceneError(f"{label(model, geom)} is a {kind_name(model, geom)}: {NOT_SOLID}")
 
 
-def _keep_volume(unit: trimesh.Trimesh, size: Array, volume: float) -> trimesh.Trimesh:
-    unit.apply_scale((volume / unit.volume) ** (1.0 / 3.0) * size)
-    return unit
+NOT_SOLID = (
+    "water acts on meshes, boxes, spheres, ellipsoids, cylinders and capsules; name the other geoms "
+    "with geoms="
+)
 
 
-def _mesh_geom(model: mujoco.MjModel, geom: int, label: str) -> trimesh.Trimesh:
-    data = model.geom_dataid[geom]
-    first, count = model.mesh_vertadr[data], model.mesh_vertnum[data]
+def label(model: Any, geom: int) -> str:
+    """How a message names a geom."""
+    name = str(model.geom(geom).name)
+    body = body_name(model, int(model.geom_bodyid[geom]))
+    return f"geom {name or int(geom)!r} of body {body!r}"
+
+
+def mesh_of(model: Any, geom: int) -> Any:
+    """The mesh of a mesh geom as it was compiled, geom frame."""
+    import trimesh
+
+    data = int(model.geom_dataid[geom])
+    first, count = int(model.mesh_vertadr[data]), int(model.mesh_vertnum[data])
     vertices = np.array(model.mesh_vert[first : first + count], dtype=np.float64)
-    first, count = model.mesh_faceadr[data], model.mesh_facenum[data]
+    first, count = int(model.mesh_faceadr[data]), int(model.mesh_facenum[data])
+    return trimesh.Trimesh(vertices, model.mesh_face[first : first + count], process=False)
+
+
+def mesh_solid(model: Any, geom: int, *, strict: bool, deck: bool = False) -> Any:
+    """The closed surface of a mesh geom; triangles that face inwards are turned."""
+    from mjskip.hydro.solids import capped, closed_mesh
+
+    mesh = mesh_of(model, geom)
+    if deck:
+        mesh = capped(mesh)
     try:
-        return closed_mesh(
-            trimesh.Trimesh(vertices, model.mesh_face[first : first + count], process=False)
-        )
+        try:
+            return closed_mesh(mesh)
+        except MeshError:
+            return closed_mesh(mesh, fix_normals=True, strict=strict, what=label(model, geom))
     except MeshError as error:
-        raise MeshError(f"{label}: {error}") from error
+        raise MeshError(f"{label(model, geom)}: {error}") from error

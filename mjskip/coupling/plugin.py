@@ -10,16 +10,26 @@
     ...
     <sensor> <plugin name="water" instance="lake"/> </sensor>
 
-Keys are the fields of `Water`. A sensor shows force (3) [N] and torque (3) [N m] of water and air, world
-frame, about the centre of mass, and wetted area [m^2], of every body of the instance in turn.
+An instance wets every body that carries it and all that moves below, with what is welded to them. Keys are the
+fields of `Water`, and
+
+    preset      floating: `Water.floating()` for keys that are not given
+    geoms       all | collision | group 3 | names; the colliding ones of every body, or all, if not given
+    bodies      tree (default) | this: not what moves below
+    resolution, max_faces, interior, strict    see `mjskip.attach`
+
+A sensor shows force (3) [N] and torque (3) [N m] of water and air, world frame, about the centre of mass, and wetted
+area [m^2], of every wet body of the instance in turn.
 """
 
 from __future__ import annotations
 
 import ctypes
 import threading
+import warnings
 from collections import deque
-from dataclasses import fields
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
 from typing import Any
 
 import mujoco
@@ -30,17 +40,26 @@ from numba import types
 from mjskip._compile.jit import native
 from mjskip._compile.pointers import address_of_cfunc
 from mjskip.coupling import _plugin_kernels as kernels
+from mjskip.coupling import _record_kernels as loads
 from mjskip.coupling import _struct_layout as _layout
 from mjskip.coupling._struct_layout import library
-from mjskip.coupling.bodies import body_stone
-from mjskip.errors import MjskipError
+from mjskip.coupling.bodies import SOLIDS, body_name, geom_name, kind_name
+from mjskip.coupling.records import doubts, make_record, too_large_step
+from mjskip.coupling.selection import GeomRule, WetBody, geom_rule, wet_body
+from mjskip.coupling.wet import BuiltHull, HullOptions, hull_of, inertia_of
+from mjskip.errors import MjskipError, MjskipWarning, SceneError
 from mjskip.hydro.water import Water
 from mjskip.hydro.wrench import immersion_address, pack, wrench_address
 
 NAME = "mjskip.water"
-KEYS = tuple(field.name for field in fields(Water))
-SWITCHES = {field.name for field in fields(Water) if field.type in (bool, "bool")}
-NUMBERS = {field.name for field in fields(Water) if field.type in (float, "float")}
+WATER_KEYS = tuple(field.name for field in fields(Water))
+HULL_KEYS = tuple(field.name for field in fields(HullOptions))
+KEYS = (*WATER_KEYS, "preset", *HULL_KEYS, "geoms", "bodies")
+"""In the order of MuJoCo's texts; compiled code looks at the last one."""
+SWITCHES = {f.name for f in (*fields(Water), *fields(HullOptions)) if f.type in (bool, "bool")}
+NUMBERS = {f.name for f in fields(Water) if f.type in (float, "float")}
+COUNTS = {f.name for f in fields(HullOptions) if f.type in (int, "int")}
+PRESETS = ("floating",)
 
 _lock = threading.RLock()
 
@@ -59,15 +78,30 @@ def register_plugin() -> None:
             _layout.check(kernels.DATA_MEMBERS)
             _fill_root()
             plugin = _describe()
-            library.mjp_registerPlugin(ctypes.byref(plugin))
+            kernels.root[kernels.SLOT] = library.mjp_registerPlugin(ctypes.byref(plugin))
 
 
 def plugin_water(model: mujoco.MjModel, body: int) -> Water | None:
     """The water that the plugin puts on a body of a compiled model; None if it puts none there."""
-    instance = int(model.body_plugin[body])
-    if instance < 0 or model.plugin[instance] != _slot():
+    slot, carrier = _slot(), int(body)
+    if slot < 0:
         return None
-    return _configured(_layout.ModelView(model._address), instance)
+    while carrier > 0:
+        instance = int(model.body_plugin[carrier])
+        if instance >= 0 and model.plugin[instance] == slot:
+            told = _configured(_layout.ModelView(model._address), instance)
+            same = model.body_weldid[carrier] == model.body_weldid[body]
+            return told.water if told.below or same else None
+        carrier = int(model.body_parentid[carrier])
+    return None
+
+
+def plugin_options(model: mujoco.MjModel, body: int) -> HullOptions:
+    """How the plugin makes the hull of a body that it wets."""
+    carrier = int(body)
+    while int(model.body_plugin[carrier]) < 0 and carrier > 0:
+        carrier = int(model.body_parentid[carrier])
+    return _configured(_layout.ModelView(model._address), int(model.body_plugin[carrier])).options
 
 
 def _slot() -> int:
@@ -137,8 +171,9 @@ def _fill_root() -> None:
     root[kernels.WRENCH] = wrench_address()
     root[kernels.IMMERSION] = immersion_address()
     root[kernels.BUILDER] = ctypes.cast(builder, ctypes.c_void_p).value or 0
-    root[kernels.TABLE] = _blocks.table.ctypes.data
-    root[kernels.GRAVITY] = _layout.gravity_offset()
+    root[kernels.TABLE] = _records.table.ctypes.data
+    root[kernels.GRAVITY] = _layout.option_offset("gravity")
+    root[kernels.TIMESTEP] = _layout.option_offset("timestep")
     model, data = _layout.members("mjModel"), _layout.members("mjData")
     root[kernels.MEMBERS :] = [
         *(model[name].offset for name in kernels.MODEL_MEMBERS),
@@ -151,83 +186,222 @@ def _keep_for_ever(objects: Any) -> None:
     ctypes.pythonapi.Py_IncRef(ctypes.py_object(objects))
 
 
-class _Blocks:
-    """Every block that was built, by the hash of what it was built from.
+@dataclass(frozen=True, kw_only=True)
+class _Kept:
+    """A record with what it points to, and the hull it was made of."""
+
+    record: npt.NDArray[np.float64]
+    block: npt.NDArray[np.float64]
+    built: BuiltHull
+
+    @property
+    def nbytes(self) -> int:
+        return self.record.nbytes + self.block.nbytes
+
+
+class _Records:
+    """Every record that was made, by the hash of what it was made from.
 
     Compiled code reads the table at any time, from any thread. Tables that were replaced are kept, and
-    blocks that were dropped too, until as many again are dropped.
+    records that were dropped too, until as many again are dropped: the older half when memory runs short.
     """
 
-    KEPT_BYTES = 2**28
+    KEPT_BYTES = 2**26
 
     def __init__(self) -> None:
-        self.built: dict[int, npt.NDArray[np.float64] | None] = {}
+        self.made: dict[int, _Kept | int] = {}
         self._bytes = 0
         self._retired: list[Any] = []
         self._dropped: list[Any] = []
         self._set_slots(1024)
 
-    def add(self, key: int, block: npt.NDArray[np.float64] | None) -> None:
-        """Remember a block; None if there cannot be one."""
+    def add(self, key: int, found: _Kept | int) -> int:
+        """Remember a record, or kernels.CANNOT or DRY; what the table has for it."""
         if self._bytes > self.KEPT_BYTES:
-            self._dropped = [*self._retired, self.table, self.built]
-            self.built, self._bytes, self._retired = {}, 0, []
-            self._set_slots(1024)
-        elif 2 * len(self.built) >= self.table[kernels.SLOTS]:
+            self._drop_older_half()
+        elif 2 * len(self.made) >= self.table[kernels.SLOTS]:
             self._retired.append(self.table)
             self._set_slots(2 * int(self.table[kernels.SLOTS]))
-        self.built[key] = block
-        self._bytes += 0 if block is None else block.nbytes
-        self._put(key, block)
+        if key in self.made:
+            self._retired.append(self.made[key])
+        self.made[key] = found
+        self._bytes += 0 if isinstance(found, int) else found.nbytes
+        return self._put(key, found)
+
+    def _drop_older_half(self) -> None:
+        old = self.made
+        self._dropped = [*self._retired, self.table, old]
+        self._retired = []
+        self.made = dict(list(old.items())[len(old) // 2 :])
+        self._bytes = sum(0 if isinstance(k, int) else k.nbytes for k in self.made.values())
+        slots = 1024
+        while slots <= 2 * len(self.made):
+            slots *= 2
+        self._set_slots(slots)
 
     def _set_slots(self, slots: int) -> None:
         self.table = np.zeros(kernels.PAIRS + 2 * slots, dtype=np.int64)
         self.table[kernels.SLOTS] = slots
-        for key, block in self.built.items():
-            self._put(key, block)
+        for key, found in self.made.items():
+            self._put(key, found)
         kernels.root[kernels.TABLE] = self.table.ctypes.data
 
-    def _put(self, key: int, block: npt.NDArray[np.float64] | None) -> None:
+    def _put(self, key: int, found: _Kept | int) -> int:
         mask = int(self.table[kernels.SLOTS]) - 1
         k = key & mask
-        while self.table[kernels.PAIRS + 2 * k]:
+        while self.table[kernels.PAIRS + 2 * k] not in (0, key):
             k = (k + 1) & mask
-        self.table[kernels.PAIRS + 2 * k + 1] = 0 if block is None else block.ctypes.data
+        value = found if isinstance(found, int) else found.record.ctypes.data
+        self.table[kernels.PAIRS + 2 * k + 1] = value
         self.table[kernels.PAIRS + 2 * k] = key
+        return value
 
 
-_blocks = _Blocks()
+_records = _Records()
 _messages: deque[Any] = deque(maxlen=100)
 """Texts of errors, which compiled code in another thread is about to hand to MuJoCo."""
+_told: deque[str] = deque(maxlen=1000)
+"""Doubts that were said: once in a process."""
 
 
 def _answer(model: int, address: int, _unused: int) -> None:
-    """Answer a request of compiled code: build the block of a body, or check a configuration."""
+    """Answer a request of compiled code; see `_plugin_kernels`."""
     request = (ctypes.c_int64 * kernels.REQUEST).from_address(address)
-    body, key = request[kernels.BODY], request[kernels.KEY]
+    what, body, instance, key = request[0], request[1], request[2], request[3]
     try:
         view = _layout.ModelView(model)
-        water = _configured(view, request[kernels.INSTANCE])
-        _check_sensors(view, request[kernels.INSTANCE])
-        if body >= 0:
+        if what == kernels.TOO_LARGE_STEP:
+            _say_too_large_step(view, body, key)
+            return
+        told = _configured(view, instance)
+        if what == kernels.CONFIGURATION:
+            _check_sensors(view, instance)
+        elif what == kernels.DOUBTS:
+            _say_doubts(view, instance, told)
+        else:
             with _lock:
-                if _blocks.built.get(key) is None:
-                    stone, gravity = body_stone(view, body), float(-view.gravity[2])
-                    _blocks.add(key, pack(stone, water, gravity=gravity))
-                block = _blocks.built[key]
-                request[kernels.BLOCK] = 0 if block is None else block.ctypes.data
+                request[kernels.ANSWER] = _find_record(view, body, told, key, what)
     except Exception as error:  # nothing may pass through the C code that called
         text = " ".join(str(error).split()) or type(error).__name__
         message = ctypes.create_string_buffer(text.replace("%", "%%").encode())
         _messages.append(message)
         request[kernels.MESSAGE] = ctypes.addressof(message)
         with _lock:
-            if body >= 0 and key not in _blocks.built:
-                _blocks.add(key, None)
+            if what in (kernels.HULL, kernels.FRESH_HULL) and key not in _records.made:
+                _records.add(key, kernels.CANNOT)
 
 
-def _configured(view: _layout.ModelView, instance: int) -> Water:
-    """The water that an instance's keys say; keys that are not there have `Water`'s defaults.
+def _find_record(view: Any, body: int, told: _Told, key: int, what: int) -> int:
+    """What the table has for a body, made now if need be."""
+    known = _records.made.get(key)
+    if known is not None and what == kernels.HULL and known != kernels.CANNOT:
+        return known if isinstance(known, int) else int(known.record.ctypes.data)
+    wet = _wet(view, body, told)
+    if not wet.geoms:
+        return _records.add(key, kernels.DRY)
+    inertia = inertia_of(view, body, wet.members)
+    built = hull_of(view, wet, told.options, inertia)
+    if isinstance(known, _Kept) and known.built is built:
+        return int(known.record.ctypes.data)
+    if built.hull is None:
+        return _records.add(key, kernels.DRY)
+    block = pack(built.hull, told.water, gravity=float(-view.gravity[2]))
+    record = make_record(built.hull, told.water, inertia, block)
+    return _records.add(key, _Kept(record=record, block=block, built=built))
+
+
+def _wet(view: Any, body: int, told: _Told) -> WetBody:
+    stop = [b for b in range(1, int(view.nbody)) if b != body and _carries(view, b)]
+    rule = _chosen(view, told.geoms, body, stop)
+    return wet_body(view, body, rule, stop=stop)
+
+
+def _carries(view: Any, body: int) -> bool:
+    instance = int(view.body_plugin[body])
+    return instance >= 0 and int(view.plugin[instance]) == int(kernels.root[kernels.SLOT])
+
+
+def _chosen(view: Any, text: str, body: int, stop: list[int]) -> Any:
+    """The rule that the key `geoms` says; names count on every body of the instance."""
+    if not text:
+        return None
+    rule: GeomRule = text
+    if text not in ("all", "collision") and text.split()[0] != "group":
+        names = text.split()
+        there = {str(view.geom(g).name): g for g in range(int(view.ngeom))}
+        for name in names:
+            if name not in there:
+                has = ", ".join(n for n in there if n) or "none has a name"
+                raise SceneError(f"geoms is {text!r}: no geom {name!r}; there are {has}")
+            if int(view.geom_type[there[name]]) not in SOLIDS:
+                raise SceneError(
+                    f"geoms is {text!r}: {name!r} is a {kind_name(view, there[name])}, which displaces no water"
+                )
+        wanted = {there[name] for name in names}
+        return lambda geom: geom in wanted
+    return geom_rule(view, rule, [body])
+
+
+def _heads(view: Any, instance: int, told: _Told) -> Iterator[int]:
+    """The bodies that an instance wets, as compiled code finds them."""
+    for body in range(1, int(view.nbody)):
+        if int(view.body_plugin[body]) == instance:
+            yield body
+        elif told.below and int(view.body_jntnum[body]) > 0:
+            carrier = body
+            while carrier > 0 and not _carries(view, carrier):
+                carrier = int(view.body_parentid[carrier])
+            if carrier > 0 and int(view.body_plugin[carrier]) == instance:
+                yield body
+
+
+def _say_doubts(view: Any, instance: int, told: _Told) -> None:
+    """Say once what is doubtful about an instance; raise if it wets nothing."""
+    wet = []
+    reasons: list[str] = []
+    for body in _heads(view, instance, told):
+        found = _wet(view, body, told)
+        if found.geoms:
+            inertia = inertia_of(view, body, found.members)
+            built = hull_of(view, found, told.options, inertia)
+            wet.append((body, found.members, built))
+        else:
+            whys = ", ".join(f"{geom_name(view, g)} {why}" for g, why in found.left_out.items())
+            reasons.append(
+                f"body {body_name(view, body)!r} has no geom for water to act on: {whys or 'it has none'}"
+            )
+    if reasons and not any(built.hull for _, _, built in wet):
+        raise SceneError(f"plugin {NAME}: {'; '.join(reasons)}")
+    for text in doubts(view, told.water, wet, medium=view.medium):
+        if text not in _told:
+            _told.append(text)
+            warnings.warn(text, MjskipWarning, stacklevel=2)
+
+
+def _say_too_large_step(view: Any, body: int, key: int) -> None:
+    kept = _records.made.get(key)
+    if isinstance(kept, _Kept):
+        timestep = float(
+            _layout._array(view._address + _layout.option_offset("timestep"), "mjtNum", (1,))[0]
+        )
+        needed = float(kept.record[loads.NEEDED_STEP])
+        warnings.warn(
+            too_large_step(body_name(view, body), timestep, needed), MjskipWarning, stacklevel=2
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Told:
+    """What the keys of an instance say."""
+
+    water: Water
+    options: HullOptions
+    geoms: str
+    below: bool
+
+
+def _configured(view: _layout.ModelView, instance: int) -> _Told:
+    """What an instance's keys say; keys that are not there have their defaults.
 
     Raises:
         ValueError: a value is not allowed; names the instance, the key and the value.
@@ -236,7 +410,17 @@ def _configured(view: _layout.ModelView, instance: int) -> Water:
     given = {key: text for key, text in zip(KEYS, told.texts, strict=False) if text}
     who = f"plugin {NAME}" + (f", instance {told.name!r}" if told.name else "")
     try:
-        return Water(**{key: _value(key, text) for key, text in given.items()})
+        for key, allowed in (("preset", PRESETS), ("bodies", ("tree", "this"))):
+            if key in given and given[key] not in allowed:
+                raise ValueError(f"{key} is {given[key]!r}: use one of {', '.join(allowed)}")
+        own = {k: _value(k, t) for k, t in given.items() if k in WATER_KEYS}
+        hull = {k: _value(k, t) for k, t in given.items() if k in HULL_KEYS}
+        return _Told(
+            water=Water.floating(**own) if "preset" in given else Water(**own),
+            options=HullOptions(**hull),
+            geoms=given.get("geoms", ""),
+            below=given.get("bodies", "tree") == "tree",
+        )
     except ValueError as error:
         raise ValueError(f"{who}: {error}") from error
 
@@ -255,6 +439,10 @@ def _value(key: str, text: str) -> Any:
         if text not in ("true", "false"):
             raise ValueError(f"{key} is {text!r}: give true or false")
         return text == "true"
+    if key in COUNTS:
+        if not text.isdigit():
+            raise ValueError(f"{key} is {text!r}: give a whole number")
+        return int(text)
     if key in NUMBERS:
         try:
             return float(text)

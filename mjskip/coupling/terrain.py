@@ -5,17 +5,9 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 import numpy.typing as npt
-import trimesh
 
-from mjskip.coupling.bodies import geom_solid
-
-Array = npt.NDArray[np.float64]
-
-SOLIDS = {
-    int(getattr(mujoco.mjtGeom, f"mjGEOM_{kind}"))
-    for kind in ("MESH", "BOX", "SPHERE", "ELLIPSOID", "CYLINDER", "CAPSULE")
-}
-"""Kinds that can be islands and piers; planes, such as a lake's bottom, are none."""
+from mjskip._typing import Array
+from mjskip.coupling.bodies import FINE, SOLIDS, geom_solid
 
 A_HAIR = 1e-9
 """The lines of cells are looked at this far aside [m], or one that meets a corner exactly may count it
@@ -36,10 +28,10 @@ class Land:
         for geom in range(model.ngeom):
             fixed = model.body_weldid[model.geom_bodyid[geom]] == 0
             if fixed and int(model.geom_type[geom]) in SOLIDS:
-                solid = geom_solid(model, geom)
+                solid = geom_solid(model, geom, resolution=FINE)
                 turn = data.geom_xmat[geom].reshape(3, 3)
                 world = np.asarray(solid.vertices) @ turn.T + data.geom_xpos[geom]
-                self._sections.append(_section(trimesh.Trimesh(world, solid.faces, process=False)))
+                self._sections.append(_section(world[solid.faces]))
 
     def __call__(self, x: npt.ArrayLike, y: npt.ArrayLike) -> npt.NDArray[np.bool_]:
         """Whether cells at x (nx,) and y (ny,) [m] are land: (nx, ny)."""
@@ -51,7 +43,7 @@ class Land:
 
 
 def land_of(model: mujoco.MjModel, x: npt.ArrayLike, y: npt.ArrayLike) -> npt.NDArray[np.bool_]:
-    """Cells whose centre lies in the section of a fixed geom with the surface, for `HeightField(land=)`.
+    """Cells whose centre lies in the section of a fixed geom with the surface, for `HeightField(terrain_mask=)`.
 
     Args:
         model: compiled model.
@@ -63,8 +55,11 @@ def land_of(model: mujoco.MjModel, x: npt.ArrayLike, y: npt.ArrayLike) -> npt.ND
     return Land(model)(x, y)
 
 
-def _section(mesh: trimesh.Trimesh) -> Array:
-    """Sides (n, 2, 2) of the section of a mesh with z = 0."""
+def _section(triangles: Array) -> Array:
+    """Sides (n, 2, 2) of the section of a surface (m, 3, 3) with z = 0."""
+    import trimesh
+
+    mesh = trimesh.Trimesh(**trimesh.triangles.to_kwargs(triangles), process=False)
     sides = trimesh.intersections.mesh_plane(mesh, [0.0, 0.0, 1.0], [0.0, 0.0, 0.0])
     return np.asarray(sides, np.float64).reshape(-1, 2, 3)[:, :, :2]
 

@@ -50,7 +50,6 @@ class Budget:
 
 def energy_budget(run: Trajectory) -> Budget:
     """Where the energy of a throw is, from its recorded forces by the trapezium rule."""
-    gravity = float(run.attributes.get("gravity", 9.81))
     by_water = np.sum(run.force * run.velocity + run.torque * run.omega, axis=1)
     by_air = np.sum(run.air_force * run.velocity, axis=1)
     step = np.diff(run.time)
@@ -62,7 +61,7 @@ def energy_budget(run: Trajectory) -> Budget:
     return Budget(
         motion=0.5 * np.sum(run.P * run.velocity, axis=1),
         turning=0.5 * np.sum(run.L * run.omega, axis=1),
-        potential=run.mass * gravity * run.x[:, 2],
+        potential=run.potential_energy,
         water=spent(by_water),
         air=spent(by_air),
     )

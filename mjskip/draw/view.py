@@ -20,7 +20,7 @@ import numpy.typing as npt
 from mjskip.coupling.bodies import find_body
 from mjskip.draw.skin import Grid, WaterSkin, add_water
 from mjskip.errors import RenderError
-from mjskip.hydro.wrench import observe, pack
+from mjskip.hydro.wrench import pack, wrench_and_immersion
 from mjskip.throws.engines import Motion, MujocoEngine
 from mjskip.throws.scene import Scene
 from mjskip.throws.simulate import SURFACES, Surface, warm_up
@@ -188,7 +188,10 @@ class _Show:
         if self._moving is None:
             motion = self.engine.advance(steps)
             self.engine.check()
-            self._press({name: observe(self._blocks[name], motion[name]) for name in motion}, steps)
+            self._press(
+                {name: wrench_and_immersion(self._blocks[name], motion[name]) for name in motion},
+                steps,
+            )
             return
         rows: dict[str, list[Array]] = {name: [] for name in self._blocks}
         for _ in range(steps):

@@ -1,8 +1,10 @@
 """The fluid: constants that travel together in one frozen object."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass, fields
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 from mjskip.hydro.laws import LAWS
 
@@ -39,6 +41,16 @@ class Water:
     buoyancy: bool = False
     skin_friction: bool = False
     viscosity: float = 1.0e-6
+
+    @classmethod
+    def floating(cls, **changes: Any) -> Water:
+        """Water for what floats: it bears, it rubs, and it never gives energy (gate "local").
+
+        Args:
+            **changes: other fields, instead of the defaults.
+        """
+        preset: dict[str, Any] = {"buoyancy": True, "skin_friction": True, "gate": "local"}
+        return cls(**{**preset, **changes})
 
     def __post_init__(self) -> None:
         for field in fields(self):

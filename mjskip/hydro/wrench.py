@@ -13,11 +13,14 @@ from numba import types
 
 from mjskip._compile.jit import native
 from mjskip._compile.pointers import F8P, address_of_cfunc
+from mjskip.hydro import _block as layout
 from mjskip.hydro import _wrench_kernels as kernels
+from mjskip.hydro.columns import LOAD, load_columns
+from mjskip.hydro.hull import Hull
 from mjskip.hydro.laws import LAWS
-from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
 from mjskip.rigid.attitude import matrices
+from mjskip.rigid.state import pack_states
 
 Array = npt.NDArray[np.float64]
 
@@ -46,7 +49,7 @@ class Wrench:
 
 
 def wrench(
-    stone: Stone,
+    stone: Hull,
     water: Water | None = None,
     *,
     position: npt.ArrayLike,
@@ -83,55 +86,93 @@ def wrench(
 
 def wrench_of(block: Array, states: Array) -> Wrench:
     """The same for a packed stone and the first of its packed states."""
-    row = observe(block, states[:1])[0]
-    return Wrench(
-        force=row[0:3],
-        torque=row[3:6],
-        air_force=row[6:9],
-        air_torque=row[9:12],
-        wetted_area=float(row[12]),
-        wetted_centre=row[13:16],
-        clearance=float(row[16]),
-    )
+    row = load_columns(wrench_and_immersion(block, states[:1])[0])._asdict()
+    row |= {"wetted_area": float(row["wetted_area"]), "clearance": float(row["clearance"])}
+    return Wrench(**row)
 
 
-def pack(stone: Stone, water: Water, *, gravity: float = 9.81) -> Array:
+def pack(stone: Hull, water: Water, *, gravity: float = 9.81) -> Array:
     """The block of doubles that the kernels know a stone in its water by; gravity [m/s^2] for buoyancy."""
     law = LAWS[water.law]
-    areas = np.linalg.norm(stone.area_vectors, axis=1)
-    block = np.zeros(kernels.HEADER + len(stone.faces) * kernels.ROW)
-    block[kernels.N_TRIANGLES] = len(stone.faces)
-    block[kernels.RADIUS] = stone.radius
-    block[kernels.LOCAL_GATE] = water.gate == "local"
-    block[kernels.NORMAL_SQUARED] = water.density * law.normal_squared
-    block[kernels.SPEED_NORMAL] = water.density * law.speed_normal
-    block[kernels.SPEED_SQUARED] = water.density * law.speed_squared
-    block[kernels.FRICTION] = water.density * law.friction
-    block[kernels.FORWARD] = law.forward
-    block[kernels.WEIGHT_DENSITY] = water.density * gravity if water.buoyancy else 0.0
-    block[kernels.SKIN_DENSITY] = water.density if water.skin_friction else 0.0
-    block[kernels.VISCOSITY] = water.viscosity
-    block[kernels.LENGTH] = 2.0 * np.sqrt(stone.disc_area / np.pi)
-    block[kernels.AIR_DENSITY] = water.air_density
-    block[kernels.DISC_AREA] = stone.disc_area
-    block[kernels.DISC_NORMAL : kernels.DISC_NORMAL + 3] = stone.disc_normal
-    block[kernels.DISC_CENTRE : kernels.DISC_CENTRE + 3] = stone.disc_centre
-    rows = block[kernels.HEADER :].reshape(-1, kernels.ROW)
-    rows[:, kernels.CORNERS : kernels.NORMAL] = stone.triangles.reshape(-1, 9)
-    rows[:, kernels.NORMAL : kernels.AREA] = stone.area_vectors / areas[:, None]
-    rows[:, kernels.AREA] = areas
-    return block
+    header = np.zeros(layout.HEADER)
+    header[layout.RADIUS] = stone.radius
+    header[layout.LOCAL_GATE] = water.gate == "local"
+    header[layout.NORMAL_SQUARED] = water.density * law.normal_squared
+    header[layout.SPEED_NORMAL] = water.density * law.speed_normal
+    header[layout.SPEED_SQUARED] = water.density * law.speed_squared
+    header[layout.FRICTION] = water.density * law.friction
+    header[layout.FORWARD] = law.forward
+    header[layout.WEIGHT_DENSITY] = water.density * gravity if water.buoyancy else 0.0
+    header[layout.SKIN_DENSITY] = water.density if water.skin_friction else 0.0
+    header[layout.VISCOSITY] = water.viscosity
+    header[layout.LENGTH] = 2.0 * np.sqrt(stone.disc_area / np.pi)
+    header[layout.AIR_DENSITY] = water.air_density
+    header[layout.DISC_AREA] = stone.disc_area
+    header[layout.DISC_NORMAL : layout.DISC_NORMAL + 3] = stone.disc_normal
+    header[layout.DISC_CENTRE : layout.DISC_CENTRE + 3] = stone.disc_centre
+    return block_of(header, stone.triangles)
 
 
-def pack_states(x: Array, rotation: Array, velocity: Array, omega: Array) -> Array:
-    """States (n, 18) for the kernels from (n, 3), (n, 3, 3), (n, 3) and (n, 3), world frame."""
-    return np.hstack([x, rotation.reshape(-1, 9), velocity, omega])
+def block_of(header: Array, triangles: Array) -> Array:
+    """A block with this header (of any block) and these triangles (n, 3, 3), counter-clockwise from outside."""
+    triangles = triangles[_by_place(triangles.mean(axis=1))]
+    a, b, c = np.moveaxis(triangles, 1, 0)
+    vectors = 0.5 * np.cross(b - a, c - a)
+    areas = np.linalg.norm(vectors, axis=1)
+    volumes = np.linalg.det(triangles) / 6.0
+    n = len(triangles)
+    fill = (layout.WIDTH - n) % (2 * layout.WIDTH)
+    header = header[: layout.HEADER].copy()
+    header[layout.N_FACES], header[layout.STRIDE] = n, n + fill
+    header[layout.VOLUME] = volumes.sum()
+    centre = volumes @ triangles.sum(axis=1) / (4.0 * volumes.sum())
+    header[layout.VOLUME_CENTRE : layout.VOLUME_CENTRE + 3] = centre
+    normals, centroids = vectors / areas[:, None], triangles.mean(axis=1)
+    columns = np.column_stack(
+        [triangles.reshape(-1, 9), areas, normals, centroids, np.cross(centroids, normals)]
+    )
+    last = np.zeros((fill, layout.COLUMNS))
+    last[:, : layout.AREA] = np.tile(triangles[-1, 0], 3)
+    spheres = [
+        _sphere(triangles[k : k + layout.GROUP].reshape(-1, 3)) for k in range(0, n, layout.GROUP)
+    ]
+    return np.concatenate([header, np.vstack([columns, last]).T.ravel(), *spheres])
 
 
-def observe(block: Array, states: Array) -> Array:
-    """Wrench (12), wetted area, its centroid (3) and clearance of every state: (n, 17)."""
-    out = np.empty((len(states), kernels.WRENCH + 5))
-    kernels.observe(block, states, out)
+def triangles_of(block: Array) -> Array:
+    """The triangles (n, 3, 3) of a block, in its order."""
+    columns = block[layout.HEADER :][: layout.AREA * int(block[layout.STRIDE])]
+    return columns.reshape(layout.AREA, -1).T[: int(block[layout.N_FACES])].reshape(-1, 3, 3)
+
+
+def _by_place(centroids: Array) -> npt.NDArray[np.intp]:
+    """An order (n,) in which the faces of a group lie near each other: halved across the longest side."""
+    done: list[npt.NDArray[np.intp]] = []
+    waiting = [np.arange(len(centroids))]
+    while waiting:
+        faces = waiting.pop()
+        groups = -(-len(faces) // layout.GROUP)
+        if groups == 1:
+            done.append(faces)
+            continue
+        axis = np.argmax(np.ptp(centroids[faces], axis=0))
+        faces = faces[np.argsort(centroids[faces, axis], kind="stable")]
+        half = groups // 2 * layout.GROUP
+        waiting += [faces[half:], faces[:half]]
+    return np.concatenate(done)
+
+
+def _sphere(points: Array) -> Array:
+    """Centre and radius (4,) of a sphere about points (n, 3), with a hair for rounding."""
+    centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    radius = np.linalg.norm(points - centre, axis=1).max()
+    return np.array([*centre, (1.0 + 1e-9) * radius])
+
+
+def wrench_and_immersion(block: Array, states: Array) -> Array:
+    """Rows (n, 17) of every state (n, 18); see `mjskip.hydro.columns`."""
+    out = np.empty((len(states), LOAD))
+    kernels.wrench_and_immersion(wrench_address(), immersion_address(), block, states, out)
     return out
 
 
@@ -141,7 +182,7 @@ def wrench_address() -> int:
 
 
 def immersion_address() -> int:
-    """The same for the five numbers that `observe` adds to the wrench."""
+    """The same for the five numbers that `wrench_and_immersion` adds to the wrench."""
     return entry_address(kernels._immersion_entry)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import shlex
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
@@ -12,7 +11,7 @@ from urllib.parse import parse_qsl, urlencode
 from mjskip.hydro.laws import LAWS
 from mjskip.throws.scene import Scene
 from mjskip.throws.simulate import SURFACES
-from mjskip.throws.throw import Throw
+from mjskip.throws.throw import PARAMETERS, Throw
 
 STONES = ("scene", "pebble", "disc", "lens")
 """The scene's own stone, or one of granite turned to size."""
@@ -90,16 +89,10 @@ class Settings:
     @classmethod
     def of_scene(cls, scene: Scene) -> Settings:
         """What a scene itself asks for."""
-        throw = scene.throw
-        return cls(
-            speed=throw.speed,
-            spin=throw.spin / (2.0 * math.pi),
-            attack=math.degrees(throw.attack),
-            descent=math.degrees(throw.descent),
-            bank=math.degrees(throw.bank),
-            height=throw.height,
-            law=scene.water.law,
-        )
+        shown: dict[str, Any] = {
+            name: PARAMETERS[name].to_shown(getattr(scene.throw, name)) for name in THROW
+        }
+        return cls(**shown, law=scene.water.law)
 
     def changed(self, given: Mapping[str, Any]) -> Settings:
         """These settings with others instead; numbers may come as text.
@@ -152,7 +145,7 @@ class Settings:
         return shlex.join(words)
 
 
-THROW = ("speed", "spin", "attack", "descent", "bank", "height")
+THROW = tuple(name for name in PARAMETERS if name != "wobble")
 NUMBERS = (*THROW, "radius", "thickness")
 
 

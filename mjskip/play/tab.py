@@ -18,6 +18,7 @@ from mjskip.play.player import Frame, Player
 from mjskip.play.settings import NUMBERS, STONES, THROW, Settings
 from mjskip.play.surface import DrawnWater
 from mjskip.play.thrown import Shelf, Thrown, table
+from mjskip.throws.trajectory import ENDS
 
 SLIDERS: dict[str, tuple[str, float, float, float, str]] = {
     "speed": ("speed (m/s)", 0.0, 40.0, 0.1, "Of the stone as it leaves the hand."),
@@ -35,13 +36,6 @@ SLOW = {"1 (real time)": 1.0, "2": 2.0, "5": 5.0, "10": 10.0, "30": 30.0, "100":
 """Choices of slow motion: how many times slower."""
 
 KEY = "mjskip address"
-_ENDS = {
-    "sunk": "then it sank",
-    "planing": "then it ploughed on",
-    "at rest": "then it came to rest",
-    "out of time": "and on when the time was up",
-    "left the lake": "then it left the lake",
-}
 
 
 class Tab:
@@ -161,7 +155,7 @@ class Tab:
         skips = f"{thrown.skips} skip{'' if thrown.skips == 1 else 's'}"
         away = float(np.linalg.norm(flight.x[-1, :2] - flight.x[0, :2]))
         self._controls["count"].content = look.headline(
-            skips, f"{_ENDS[flight.end]}, after {away:.1f} m and {flight.time[-1]:.2f} s"
+            skips, f"{ENDS[flight.end]}, after {away:.1f} m and {flight.time[-1]:.2f} s"
         )
         self._controls["table"].content = look.html_table(table(flight))
         self._controls["plot"].data = look.side_view(flight)

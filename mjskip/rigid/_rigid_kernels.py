@@ -1,4 +1,10 @@
-"""Rigid-body motion of Witkin & Baraff (2001): x, q, P, L and their time derivatives."""
+"""Rigid-body motion of Witkin & Baraff (2001): position x, orientation q, momentum P, angular momentum L.
+
+    dx = P / m,  dq = 1/2 (0, omega) q,  dP = F + m g,  dL = tau,  omega = R I^-1 R^T L
+
+F and tau come from a force kernel at an address: void(block*, state*, wrench*), with water and air apart. A
+single run, the reference engine and batches all move by `step`.
+"""
 
 import math
 from typing import Any
@@ -6,148 +12,125 @@ from typing import Any
 import numpy as np
 
 from mjskip._compile.jit import kernel
-from mjskip._compile.pointers import address_of, as_doubles, bits, call_address
+from mjskip._compile.pointers import address_of, bits, call_address
+from mjskip.rigid.state import OMEGA, POSITION, ROTATION, STATE, VELOCITY
 
 EULER, MIDPOINT, RK4 = 0, 1, 2
 
-SIZE = 13  # of y: x (3), q (4) w-x-y-z, P (3), L (3)
-STATE = 18  # of a state for the force kernel: x (3), rotation (9), velocity (3), omega (3)
+# y, what is integrated: x (3), q (4) w-x-y-z, P (3), L (3)
+X, Q, P, L = 0, 3, 7, 10
+SIZE = 13
+
+# a body: all that its motion depends on
+FORCES = 0  # address of the force kernel, as the bits of a double
+BLOCK = 1  # address of what that kernel knows the body by, likewise
+MASS = 2
+GRAVITY = 3  # (3)
+INVERSE_INERTIA = 6  # in body axes, row by row (9); zero for a body that cannot turn
+BODY = 15
 
 
 @kernel
-def _turn(w: float, x: float, y: float, z: float, state: Any) -> None:
+def rotation(w: float, x: float, y: float, z: float, state: Any) -> None:
     """Rotation matrix of a quaternion of any length into a state."""
     scale = 2.0 / (w * w + x * x + y * y + z * z)
-    state[3] = 1.0 - scale * (y * y + z * z)
-    state[4] = scale * (x * y - w * z)
-    state[5] = scale * (x * z + w * y)
-    state[6] = scale * (x * y + w * z)
-    state[7] = 1.0 - scale * (x * x + z * z)
-    state[8] = scale * (y * z - w * x)
-    state[9] = scale * (x * z - w * y)
-    state[10] = scale * (y * z + w * x)
-    state[11] = 1.0 - scale * (x * x + y * y)
+    state[ROTATION] = 1.0 - scale * (y * y + z * z)
+    state[ROTATION + 1] = scale * (x * y - w * z)
+    state[ROTATION + 2] = scale * (x * z + w * y)
+    state[ROTATION + 3] = scale * (x * y + w * z)
+    state[ROTATION + 4] = 1.0 - scale * (x * x + z * z)
+    state[ROTATION + 5] = scale * (y * z - w * x)
+    state[ROTATION + 6] = scale * (x * z - w * y)
+    state[ROTATION + 7] = scale * (y * z + w * x)
+    state[ROTATION + 8] = 1.0 - scale * (x * x + y * y)
 
 
 @kernel
-def free_body(pose: Any, velocity: Any, centre: Any, state: Any) -> None:
-    """State (18,) of a free joint from the pose (7,) and velocity (6,) of the body's own origin.
-
-    Linear velocity is in the world, angular velocity in body axes, as MuJoCo has them; `centre` is the
-    centre of mass in body axes (3,).
-    """
-    _turn(pose[3], pose[4], pose[5], pose[6], state)
-    for i in range(3):
-        arm = omega = 0.0
-        for j in range(3):
-            arm += state[3 + 3 * i + j] * centre[j]
-            omega += state[3 + 3 * i + j] * velocity[3 + j]
-        state[i] = pose[i] + arm
-        state[15 + i] = omega
-    for i in range(3):  # v = v_origin + omega x arm
-        j, k = (i + 1) % 3, (i + 2) % 3
-        state[12 + i] = (
-            velocity[i]
-            + state[15 + j] * (state[k] - pose[k])
-            - state[15 + k] * (state[j] - pose[j])
-        )
-
-
-@kernel
-def free_motion(qpos: Any, qvel: Any, centre: Any, states: Any) -> None:
-    """The same for rows (n, 7) and (n, 6) into states (n, 18)."""
-    for n in range(qpos.shape[0]):
-        free_body(qpos[n], qvel[n], centre, states[n])
-
-
-HOP_STEP, HOP_MODEL, HOP_DATA, HOP_POSE, HOP_VELOCITY, HOP_CENTRE = 0, 1, 2, 3, 4, 5
-HOP_SIZE = 8
-
-
-def hop(context: Any, state: Any, _unused: Any) -> None:
-    """Step an engine and read the state (18,) of its one free body: void(double*, double*, double*).
-
-    Args:
-        context: the bits of five addresses: void step(model, data), the model and the data, the body's pose
-            and its velocity as in `free_body`; then the centre of mass (3).
-        state: after the step.
-    """
-    call_address(bits(context[HOP_STEP]), bits(context[HOP_MODEL]), bits(context[HOP_DATA]), 0)
-    pose, velocity = as_doubles(bits(context[HOP_POSE])), as_doubles(bits(context[HOP_VELOCITY]))
-    centre = (context[HOP_CENTRE], context[HOP_CENTRE + 1], context[HOP_CENTRE + 2])
-    free_body(pose, velocity, centre, state)
-
-
-@kernel
-def motion(y: Any, mass: float, inverse_inertia: Any, state: Any) -> None:
+def motion(body: Any, y: Any, state: Any) -> None:
     """State of the force kernel from y: v = P / m, omega = R I^-1 R^T L."""
-    state[0], state[1], state[2] = y[0], y[1], y[2]
-    _turn(y[3], y[4], y[5], y[6], state)
+    rotation(y[Q], y[Q + 1], y[Q + 2], y[Q + 3], state)
     for i in range(3):
-        state[12 + i] = y[7 + i] / mass
-        state[15 + i] = 0.0
+        state[POSITION + i] = y[X + i]
+        state[VELOCITY + i] = y[P + i] / body[MASS]
+        state[OMEGA + i] = 0.0
     for i in range(3):  # L in body axes, omega in body axes, omega in the world
         turned = 0.0
         for j in range(3):
-            body = 0.0
+            along = 0.0
             for k in range(3):
-                body += state[3 + 3 * k + j] * y[10 + k]
-            turned += inverse_inertia[i, j] * body
+                along += state[ROTATION + 3 * k + j] * y[L + k]
+            turned += body[INVERSE_INERTIA + 3 * i + j] * along
         for k in range(3):
-            state[15 + k] += state[3 + 3 * k + i] * turned
+            state[OMEGA + k] += state[ROTATION + 3 * k + i] * turned
 
 
 @kernel
-def derivative(
-    wrench: int, block: Any, y: Any, mass: float, inverse_inertia: Any, gravity: Any,
-    state: Any, load: Any, out: Any,
-) -> None:  # fmt: skip
-    """dx = v, dq = 1/2 (0, omega) q, dP = F + m g, dL = tau, by the force kernel at an address."""
-    motion(y, mass, inverse_inertia, state)
-    call_address(wrench, address_of(block), address_of(state), address_of(load))
-    wx, wy, wz = state[15], state[16], state[17]
-    for i in range(3):
-        out[i] = state[12 + i]
-        out[7 + i] = load[i] + load[6 + i] + mass * gravity[i]
-        out[10 + i] = load[3 + i] + load[9 + i]
-    out[3] = 0.5 * (-wx * y[4] - wy * y[5] - wz * y[6])
-    out[4] = 0.5 * (wx * y[3] + wy * y[6] - wz * y[5])
-    out[5] = 0.5 * (wy * y[3] + wz * y[4] - wx * y[6])
-    out[6] = 0.5 * (wz * y[3] + wx * y[5] - wy * y[4])
+def derivative(body: Any, y: Any, state: Any, load: Any, out: Any) -> None:
+    """dy/dt (SIZE,) into out; the state of y and the load (12,) on it are left in `state` and `load`."""
+    motion(body, y, state)
+    call_address(bits(body[FORCES]), bits(body[BLOCK]), address_of(state), address_of(load))
+    wx, wy, wz = state[OMEGA], state[OMEGA + 1], state[OMEGA + 2]
+    qw, qx, qy, qz = y[Q], y[Q + 1], y[Q + 2], y[Q + 3]
+    for i in range(3):  # water and air
+        out[X + i] = state[VELOCITY + i]
+        out[P + i] = load[i] + load[6 + i] + body[MASS] * body[GRAVITY + i]
+        out[L + i] = load[3 + i] + load[9 + i]
+    out[Q] = 0.5 * (-wx * qx - wy * qy - wz * qz)
+    out[Q + 1] = 0.5 * (wx * qw + wy * qz - wz * qy)
+    out[Q + 2] = 0.5 * (wy * qw + wz * qx - wx * qz)
+    out[Q + 3] = 0.5 * (wz * qw + wx * qy - wy * qx)
 
 
 @kernel
-def march(
-    wrench: int, block: Any, y: Any, mass: float, inverse_inertia: Any, gravity: Any,
-    method: int, timestep: float, states: Any,
-) -> None:  # fmt: skip
-    """Advance y (13,) in place by one step per row of states (n, 18), which get the state after it."""
-    state = np.empty(STATE)
-    load = np.empty(12)
-    trial = np.empty(SIZE)
-    k1, k2, k3, k4 = np.empty(SIZE), np.empty(SIZE), np.empty(SIZE), np.empty(SIZE)
-    for row in range(states.shape[0]):
-        derivative(wrench, block, y, mass, inverse_inertia, gravity, state, load, k1)
-        if method == EULER:
+def step(body: Any, method: int, timestep: float, y: Any, slopes: Any, work: Any, out: Any) -> None:
+    """One explicit step of a method from y into out, which may be y.
+
+    Args:
+        body: what moves (BODY,), or a longer row that begins so.
+        method: EULER, MIDPOINT or RK4.
+        timestep: [s].
+        y: at its beginning (SIZE,).
+        slopes: dy/dt at y in row 0; the stages' go into the rows after it (4, SIZE).
+        work: scratch (3, STATE).
+        out: (SIZE,).
+    """
+    state, load, trial = work[0], work[1], work[2]
+    if method == EULER:
+        for i in range(SIZE):
+            out[i] = y[i] + timestep * slopes[0, i]
+    else:
+        for i in range(SIZE):
+            trial[i] = y[i] + 0.5 * timestep * slopes[0, i]
+        derivative(body, trial, state, load, slopes[1])
+        if method == MIDPOINT:
             for i in range(SIZE):
-                y[i] += timestep * k1[i]
+                out[i] = y[i] + timestep * slopes[1, i]
         else:
             for i in range(SIZE):
-                trial[i] = y[i] + 0.5 * timestep * k1[i]
-            derivative(wrench, block, trial, mass, inverse_inertia, gravity, state, load, k2)
-            if method == MIDPOINT:
-                for i in range(SIZE):
-                    y[i] += timestep * k2[i]
-            else:
-                for i in range(SIZE):
-                    trial[i] = y[i] + 0.5 * timestep * k2[i]
-                derivative(wrench, block, trial, mass, inverse_inertia, gravity, state, load, k3)
-                for i in range(SIZE):
-                    trial[i] = y[i] + timestep * k3[i]
-                derivative(wrench, block, trial, mass, inverse_inertia, gravity, state, load, k4)
-                for i in range(SIZE):
-                    y[i] += timestep / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i])
-        norm = math.sqrt(y[3] ** 2 + y[4] ** 2 + y[5] ** 2 + y[6] ** 2)
-        for i in range(3, 7):
-            y[i] /= norm
-        motion(y, mass, inverse_inertia, states[row])
+                trial[i] = y[i] + 0.5 * timestep * slopes[1, i]
+            derivative(body, trial, state, load, slopes[2])
+            for i in range(SIZE):
+                trial[i] = y[i] + timestep * slopes[2, i]
+            derivative(body, trial, state, load, slopes[3])
+            for i in range(SIZE):
+                rise = slopes[0, i] + 2.0 * slopes[1, i] + 2.0 * slopes[2, i] + slopes[3, i]
+                out[i] = y[i] + timestep / 6.0 * rise
+    normalise(out)
+
+
+@kernel
+def normalise(y: Any) -> None:
+    """Bring the quaternion of y to unit length."""
+    norm = math.sqrt(y[Q] ** 2 + y[Q + 1] ** 2 + y[Q + 2] ** 2 + y[Q + 3] ** 2)
+    for i in range(Q, P):
+        y[i] /= norm
+
+
+@kernel
+def advance(body: Any, method: int, timestep: float, y: Any, states: Any) -> None:
+    """Advance y (SIZE,) in place by one step per row of states (n, STATE), which get the state after it."""
+    slopes, work = np.empty((4, SIZE)), np.empty((3, STATE))
+    for row in range(states.shape[0]):
+        derivative(body, y, work[0], work[1], slopes[0])
+        step(body, method, timestep, y, slopes, work, y)
+        motion(body, y, states[row])

@@ -59,7 +59,7 @@ def difference(a: npt.ArrayLike, b: npt.ArrayLike) -> Array:
     return np.asarray(np.arctan2(sine, cosine), dtype=np.float64)
 
 
-def released(normal_body: npt.ArrayLike, attack: float, bank: float) -> Array:
+def release_attitude(normal_body: npt.ArrayLike, attack: float, bank: float) -> Array:
     """Rotation matrix (3, 3) that gives a stone travelling along +x this attack and bank [rad].
 
     Raises:

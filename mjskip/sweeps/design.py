@@ -9,19 +9,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from mjskip._typing import Array
+from mjskip.throws import throw
 
-THROW = {
-    "speed": "m s-1",
-    "spin": "rad s-1",
-    "attack": "rad",
-    "descent": "rad",
-    "bank": "rad",
-    "wobble": "rad s-1",
-    "height": "m",
-}
+THROW = {name: parameter.unit for name, parameter in throw.PARAMETERS.items()}
 STONE = {"radius": "m", "thickness": "m", "mass": "kg", "stone_density": "kg m-3"}
 WATER = {"water_density": "kg m-3", "air_density": "kg m-3", "viscosity": "m2 s-1"}
 SWITCHES = ("buoyancy", "skin_friction")

@@ -16,13 +16,13 @@ from mjskip.checks import check_positive
 from mjskip.errors import DivergedError, MjskipError, MjskipWarning
 from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
-from mjskip.sweeps.batch import ENDS, Air, throw_all
+from mjskip.sweeps.batch import Air, throw_all
 from mjskip.sweeps.design import NAMED, STONE, SWITCHES, THROW, WATER, Design
 from mjskip.throws.recording import Limits
 from mjskip.throws.scene import Scene, load_scene
 from mjskip.throws.simulate import simulate
 from mjskip.throws.throw import Throw
-from mjskip.throws.trajectory import Trajectory
+from mjskip.throws.trajectory import ENDS, Trajectory
 
 RESULTS: dict[str, tuple[str, str]] = {
     "skips": ("1", "touches followed by at least min_airtime in the air"),
@@ -122,13 +122,12 @@ def run_chunk(
 
 def _by_reference(job: Job, todo: list[Any], found: dict[str, Any], threads: int | None) -> None:
     rows, stones, throws, waters = (list(column) for column in zip(*todo, strict=True))
-    method: Any = job.integrator
+    integrator: Any = job.integrator
     done = throw_all(
-        stones, throws, water=waters, method=method, timestep=job.timestep, limits=job.limits,
+        stones, throws, water=waters, integrator=integrator, timestep=job.timestep, limits=job.limits,
         gravity=job.gravity, air=job.air, threads=threads,
     )  # fmt: skip
-    ends = np.array(ENDS, dtype=object)[done.end]
-    lost = ends == "diverged"
+    lost = done.end == "diverged"
     results = {
         "skips": done.skips,
         "touches": done.touches,
@@ -136,14 +135,14 @@ def _by_reference(job: Job, todo: list[Any], found: dict[str, Any], threads: int
         "distance": done.distance,
         "drift": done.drift,
         "depth": done.depth,
-        "first_entry": done.entry,
-        "first_exit": done.exit,
+        "first_entry": done.first_entry,
+        "first_exit": done.first_exit,
         "exit_speed": np.linalg.norm(done.exit_velocity, axis=1),
         "exit_climb": done.exit_velocity[:, 2],
     }
     for name, values in results.items():
         found[name][rows] = np.where(lost, np.nan, values)
-    found["end"][rows] = ends
+    found["end"][rows] = done.end
     found["status"][rows] = np.where(lost, "diverged", "ok")
     for row, time, gone in zip(rows, done.time, lost, strict=True):
         if gone:

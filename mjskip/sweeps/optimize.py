@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
-from mjskip.sweeps.batch import ENDS, throw_all
+from mjskip.sweeps.batch import throw_all
 from mjskip.sweeps.design import THROW, normal
 from mjskip.throws.recording import Limits
 from mjskip.throws.throw import Throw
@@ -147,7 +147,7 @@ def optimize(
         done = throw_all(
             stone, throws, water=water, timestep=timestep, limits=run_limits, threads=threads
         )
-        lost = np.array([ENDS[e] == "diverged" for e in done.end])
+        lost = done.end == "diverged"
         distance = np.where(lost, 0.0, done.distance).reshape(len(candidates), count)
         skips = np.where(lost, 0, done.skips).reshape(len(candidates), count)
         return (skips.astype(np.float64) if goal == "skips" else distance), distance

@@ -9,22 +9,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
+from mjskip._typing import Array
 from mjskip.errors import MjskipError
 from mjskip.files import check_folder, whole_file
 from mjskip.sweeps.design import MEMBER, SAMPLE
 from mjskip.sweeps.job import RESULTS
+from mjskip.throws.throw import PARAMETERS
 
 if TYPE_CHECKING:
     import xarray as xr
 
-SHOWN = {"rad": ("degrees", 180.0 / math.pi), "rad s-1": ("rev/s", 0.5 / math.pi)}
+SHOWN = {p.unit: (p.shown_unit, 1.0 / p.factor) for p in PARAMETERS.values() if p.factor != 1.0}
 """Units that people read, and the factor to them."""
 
 MOST_PANELS = 9
-
-Array = npt.NDArray[np.float64]
 
 
 def plot_sweep(
@@ -208,15 +207,9 @@ def _title(data: xr.Dataset) -> str:
         return ""
     stone, throw, sizes = made["stone"], made["throw"], made["design"]["dimensions"]
     varied = {*made["design"]["axes"], *made["design"]["samples"]}
-    fixed = {
-        "speed": f"{throw['speed']:.3g} m/s",
-        "spin": f"{throw['spin'] / (2.0 * math.pi):.3g} rev/s",
-        "attack": f"attack {math.degrees(throw['attack']):.3g}°",
-        "descent": f"descent {math.degrees(throw['descent']):.3g}°",
-        "height": f"from {throw['height']:.3g} m",
-    }
     law = [] if "law" in varied else [made["water"]["law"]]
-    parts = [text for name, text in fixed.items() if name not in varied]
+    fixed = {name: p for name, p in PARAMETERS.items() if throw[name] and name not in varied}
+    parts = [f"{name} {p.text_of(throw[name])}" for name, p in fixed.items()]
     total = math.prod(sizes.values())
     return (
         f"{1e3 * stone['mass']:.3g} g, radius {1e3 * stone['radius']:.3g} mm, {', '.join(parts + law)}\n"

@@ -19,12 +19,13 @@ from mjskip.checks import check_positive
 from mjskip.errors import MjskipWarning
 from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
-from mjskip.sweeps.batch import AIR_TOLERANCE, METHODS, Air
+from mjskip.sweeps.batch import AIR_TOLERANCE, Air
 from mjskip.sweeps.design import Design
 from mjskip.sweeps.job import Job, run_chunk
 from mjskip.sweeps.store import Kept, Store, open_store
 from mjskip.throws.engines import INTEGRATORS
 from mjskip.throws.recording import Limits
+from mjskip.throws.reference import FIXED_STEP
 from mjskip.throws.scene import Scene, load_scene
 from mjskip.throws.simulate import ENGINES, EngineName, largest_timestep
 from mjskip.throws.throw import Throw
@@ -158,7 +159,7 @@ def _job(
 ) -> Job:
     if engine not in ENGINES:
         raise ValueError(f"engine is {engine!r}: use one of {', '.join(ENGINES)}")
-    known = METHODS if engine == "reference" else tuple(INTEGRATORS)
+    known = FIXED_STEP if engine == "reference" else INTEGRATORS
     if integrator is not None and integrator not in known:
         raise ValueError(
             f"integrator is {integrator!r}: sweeps by {engine} have {', '.join(known)}"

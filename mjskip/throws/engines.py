@@ -13,14 +13,16 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
+from mjskip.coupling._free_joint_kernels import free_motion, hop
 from mjskip.coupling._struct_layout import library
 from mjskip.coupling.attach import Coupling, attach
 from mjskip.coupling.bodies import find_body
+from mjskip.coupling.wet import THROWN
 from mjskip.errors import DivergedError, SceneError
 from mjskip.hydro.wrench import entry_address
-from mjskip.rigid._rigid_kernels import STATE, free_motion, hop
 from mjskip.rigid.attitude import matrices
-from mjskip.throws.reference import METHODS, Integrator
+from mjskip.rigid.state import STATE
+from mjskip.throws.reference import PURE_INTEGRATORS, Integrator
 from mjskip.throws.scene import Scene
 from mjskip.throws.throw import State
 
@@ -52,7 +54,7 @@ class Engine(Protocol):
 
     @property
     def hop(self) -> tuple[int, Array] | None:
-        """What steps it in compiled code, if anything can, and its context: see `mjskip.rigid._rigid_kernels.hop`."""
+        """What steps it in compiled code, if anything can, and its context: see `mjskip.coupling._free_joint_kernels.hop`."""
 
     def start(self) -> Motion:
         """States (1, 18) as the stones leave the hand."""
@@ -87,9 +89,9 @@ class ReferenceEngine:
             ValueError: there is no such integrator.
         """
         self.integrator = integrator or "rk4"
-        if self.integrator not in METHODS:
+        if self.integrator not in PURE_INTEGRATORS:
             raise ValueError(
-                f"integrator is {integrator!r}: the reference engine has {', '.join(METHODS)}"
+                f"integrator is {integrator!r}: the reference engine has {', '.join(PURE_INTEGRATORS)}"
             )
         gravity = scene.model.opt.gravity
         self._stones = {
@@ -97,7 +99,7 @@ class ReferenceEngine:
                 scene.stones[name],
                 start,
                 water=scene.water_of(name),
-                method=self.integrator,
+                integrator=self.integrator,
                 timestep=timestep,
                 gravity=(float(gravity[0]), float(gravity[1]), float(gravity[2])),
                 frozen_attitude=frozen_attitude,
@@ -173,7 +175,9 @@ class MujocoEngine:
         self._open.enter_context(_unlogged())
         if self._water is not None:
             names = list(self._free)
-            water = attach(self.model, self.data, water=self._water, bodies=names)
+            water = attach(
+                self.model, self.data, water=self._water, bodies=names, max_faces=THROWN.max_faces
+            )
             self._coupling = self._open.enter_context(water)
             self.blocks = dict(zip(names, self._coupling.blocks, strict=True))
         return self

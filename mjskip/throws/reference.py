@@ -5,27 +5,33 @@ It never touches MuJoCo: with the same forces it is the independent witness of t
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
 from mjskip._typing import Array
-from mjskip.checks import check_positive
+from mjskip.checks import check_choice, check_positive, check_switch, check_type, check_vector
 from mjskip.errors import MjskipError
 from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
 from mjskip.hydro.wrench import pack, wrench_address
 from mjskip.rigid import _rigid_kernels as kernels
-from mjskip.rigid.attitude import matrices
-from mjskip.throws.recording import Limits, Log
+from mjskip.rigid.body import body_row, momenta
+from mjskip.rigid.state import STATE
+from mjskip.throws.recording import Limits, Recorder
 from mjskip.throws.throw import State, Throw
-from mjskip.throws.trajectory import Trajectory
+from mjskip.throws.trajectory import GRAVITY, Trajectory
 
 if TYPE_CHECKING:
     from scipy.integrate import DOP853
 
-Method = Literal["euler", "midpoint", "rk4", "adaptive"]
-METHODS: tuple[Method, ...] = get_args(Method)
+FixedStep = Literal["euler", "midpoint", "rk4"]
+FIXED_STEP: dict[str, int] = {
+    "euler": kernels.EULER, "midpoint": kernels.MIDPOINT, "rk4": kernels.RK4,
+}  # fmt: skip
+Integration = Literal["euler", "midpoint", "rk4", "adaptive"]
+PURE_INTEGRATORS: tuple[Integration, ...] = get_args(Integration)
 
 CHUNK = 200
 """Steps between looks at whether the run is over."""
@@ -36,10 +42,10 @@ def integrate(
     throw: Throw | State,
     *,
     water: Water | None = None,
-    method: Method = "rk4",
+    integrator: Integration = "rk4",
     timestep: float = 5e-4,
     limits: Limits | None = None,
-    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81),
+    gravity: Sequence[float] = GRAVITY,
     frozen_attitude: bool = False,
     rtol: float = 1e-10,
     name: str = "stone",
@@ -50,11 +56,11 @@ def integrate(
         stone: the body.
         throw: how it is released, above (0, 0); or its state at release.
         water: the fluid; `Water()` if omitted.
-        method: "euler" (explicit), "midpoint", "rk4": at a fixed step; "adaptive": SciPy's DOP853,
+        integrator: "euler" (explicit), "midpoint", "rk4": at a fixed step; "adaptive": SciPy's DOP853,
             the yardstick.
         timestep: step, and for "adaptive" the spacing of the rows and the longest step [s].
         limits: what counts as a skip and when it is over; `Limits()` if omitted.
-        gravity: [m/s^2].
+        gravity: (3,) [m/s^2].
         frozen_attitude: the stone is thrown without spin and cannot turn (infinite inertia).
         rtol: relative tolerance of "adaptive".
         name: of the stone, for messages.
@@ -66,34 +72,56 @@ def integrate(
         ValueError: a value is not allowed.
         DivergedError: the motion is no longer finite.
     """
-    water, limits = water or Water(), limits or Limits()
-    integrator = Integrator(
+    water = Water() if water is None else water
+    limits = Limits() if limits is None else check_type("limits", limits, Limits)
+    moving = Integrator(
         stone,
-        throw.state(stone) if isinstance(throw, Throw) else throw,
+        state_at_release(stone, throw),
         water=water,
-        method=method,
+        integrator=integrator,
         timestep=timestep,
         gravity=gravity,
         frozen_attitude=frozen_attitude,
         rtol=rtol,
     )
-    log = Log(name, stone, water, limits, gravity=-gravity[2])
-    done, states = 0, integrator.start()
+    recorder = Recorder(name, stone, water, limits, gravity=gravity)
+    done, states = 0, moving.start()
     while True:
         times: Array = timestep * np.arange(done, done + len(states), dtype=np.float64)
-        if log.extend(times, states):
+        if recorder.extend(times, states):
             break
         done += len(states)
-        states = integrator.advance(CHUNK)
-    return log.trajectory(
+        states = moving.advance(CHUNK)
+    return recorder.trajectory(
         {
             "engine": "reference",
-            "integrator": method,
+            "integrator": integrator,
             "timestep": timestep,
-            "gravity": -gravity[2],
+            "gravity": [float(g) for g in gravity],
             "frozen_attitude": frozen_attitude,
         }
     )
+
+
+def state_at_release(stone: Stone, throw: Throw | State) -> State:
+    """A throw's state as it leaves the hand above (0, 0); a state as it is."""
+    check_type("stone", stone, Stone)
+    if isinstance(throw, State):
+        return throw
+    return check_type("throw", throw, Throw, "give a mjskip.Throw, or a State").state(stone)
+
+
+def rigid_body(stone: Stone, block: Array, gravity: Array, *, frozen_attitude: bool) -> Array:
+    """The row of a stone in its water, whose packed block must stay alive."""
+    return body_row(
+        stone.mass, stone.inertia, gravity=gravity, forces=wrench_address(), block=block.ctypes.data,
+        frozen_attitude=frozen_attitude,
+    )  # fmt: skip
+
+
+def start_of(stone: Stone, state: State) -> Array:
+    """x, q, P, L (13,) of a stone in a state."""
+    return momenta(stone.mass, stone.inertia, **vars(state))
 
 
 class Integrator:
@@ -109,27 +137,26 @@ class Integrator:
         start: State,
         *,
         water: Water,
-        method: str = "rk4",
+        integrator: str = "rk4",
         timestep: float = 5e-4,
-        gravity: tuple[float, float, float] = (0.0, 0.0, -9.81),
+        gravity: Sequence[float] | Array = GRAVITY,
         frozen_attitude: bool = False,
         rtol: float = 1e-10,
     ) -> None:
         """Take a stone as it leaves the hand; arguments and errors as for `integrate`."""
         check_positive(timestep=timestep, rtol=rtol)
-        if method not in METHODS:
-            raise ValueError(f"method is {method!r}: use one of {', '.join(METHODS)}")
-        self.block = pack(stone, water, gravity=-gravity[2])
-        self._mass = stone.mass
-        self._inverse_inertia = np.zeros((3, 3)) if frozen_attitude else _inverse(stone.inertia)
-        self._gravity = np.array(gravity)
-        self._wrench = wrench_address()
-        self._method, self._timestep = method, timestep
-        self._y = _packed(stone, start)
-        self._state, self._load = np.empty(kernels.STATE), np.empty(12)
+        check_choice("integrator", integrator, PURE_INTEGRATORS)
+        check_type("water", water, Water)
+        check_switch("frozen_attitude", frozen_attitude)
+        vector = check_vector("gravity", gravity, 3)
+        self.block = pack(stone, water, gravity=-float(vector[2]))
+        self._body = rigid_body(stone, self.block, vector, frozen_attitude=frozen_attitude)
+        self._integrator, self._timestep = integrator, timestep
+        self._y = start_of(stone, start)
+        self._state, self._load = np.empty(STATE), np.empty(12)
         self._done = 0
         self._solver: DOP853 | None = None
-        if method == "adaptive":
+        if integrator == "adaptive":
             from scipy.integrate import DOP853
 
             absolute: Any = (
@@ -142,8 +169,8 @@ class Integrator:
 
     def start(self) -> Array:
         """State (1, 18) for the force kernel, as the stone leaves the hand."""
-        states = np.empty((1, kernels.STATE))
-        kernels.motion(self._y, self._mass, self._inverse_inertia, states[0])
+        states = np.empty((1, STATE))
+        kernels.motion(self._body, self._y, states[0])
         return states
 
     def advance(self, steps: int) -> Array:
@@ -152,13 +179,10 @@ class Integrator:
         Raises:
             MjskipError: the adaptive solver gave up.
         """
-        states = np.empty((steps, kernels.STATE))
+        states = np.empty((steps, STATE))
         if self._solver is None:
-            code = {"euler": kernels.EULER, "midpoint": kernels.MIDPOINT, "rk4": kernels.RK4}
-            kernels.march(
-                self._wrench, self.block, self._y, self._mass, self._inverse_inertia,
-                self._gravity, code[self._method], self._timestep, states,
-            )  # fmt: skip
+            method = FIXED_STEP[self._integrator]
+            kernels.advance(self._body, method, self._timestep, self._y, states)
             return states
         for row in states:
             self._done += 1
@@ -169,27 +193,11 @@ class Integrator:
                     raise MjskipError(
                         f"the adaptive integrator stopped at {self._solver.t:.6g} s: {message}"
                     )
-            kernels.motion(
-                self._solver.dense_output()(time), self._mass, self._inverse_inertia, row
-            )
+            kernels.motion(self._body, self._solver.dense_output()(time), row)
         return states
 
     def _derivative(self, _time: float, y: Any) -> Any:
         """dy/dt of y (13,)."""
         out = np.empty(kernels.SIZE)
-        kernels.derivative(
-            self._wrench, self.block, y, self._mass, self._inverse_inertia, self._gravity,
-            self._state, self._load, out,
-        )  # fmt: skip
+        kernels.derivative(self._body, y, self._state, self._load, out)
         return out
-
-
-def _inverse(matrix: Array) -> Array:
-    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
-
-
-def _packed(stone: Stone, start: State) -> Array:
-    """y (13,) = x, q, P, L at the start."""
-    rotation = matrices(start.q)
-    spin = rotation @ (stone.inertia @ (rotation.T @ start.omega))
-    return np.concatenate([start.position, start.q, stone.mass * start.velocity, spin])

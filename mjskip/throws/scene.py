@@ -18,21 +18,23 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from mjskip.coupling.bodies import body_name, body_stone, find_body, free_bodies
-from mjskip.coupling.plugin import NAME, plugin_water, register_plugin
+from mjskip.coupling.bodies import body_name, find_body, free_bodies
+from mjskip.coupling.loading import load_model
+from mjskip.coupling.plugin import NAME, plugin_options, plugin_water
 from mjskip.coupling.terrain import Land, land_of
+from mjskip.coupling.wet import THROWN, body_stone
 from mjskip.errors import SceneError
 from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
 from mjskip.throws.arm import Arm
-from mjskip.throws.throw import Throw
+from mjskip.throws.throw import PARAMETERS, Throw
 from mjskip.waves import HeightField
 from mjskip.waves.lake import Lake
 
 PREFIX = "mjskip."
 WATER = {field.name for field in fields(Water)}
 FIELD = {"shape", "spacing", "wave_speed", "damping", "stencil", "boundary", "centre"}
-THROW = {field.name for field in fields(Throw)}
+THROW = set(PARAMETERS)
 TEXTS = {"gate", "law", "stencil", "boundary"}
 SWITCHES = {field.name for field in fields(Water) if field.type in (bool, "bool")} | {"obstacles"}
 DEFAULT_SHAPE = (512, 512)
@@ -81,7 +83,12 @@ class Scene:
     @cached_property
     def stones(self) -> Mapping[str, Stone]:
         """Every free body as a stone, by name."""
-        return {name: body_stone(self.model, find_body(self.model, name)) for name in self.throws}
+        found = {}
+        for name in self.throws:
+            body = find_body(self.model, name)
+            options = plugin_options(self.model, body) if name in self.plugged else THROWN
+            found[name] = body_stone(self.model, body, options)
+        return found
 
     @property
     def stone(self) -> Stone:
@@ -97,7 +104,7 @@ class Scene:
         field = HeightField(**self.grid)
         if not self.obstacles:
             return field
-        return HeightField(**self.grid, land=land_of(self.model, field.x, field.y))
+        return HeightField(**self.grid, terrain_mask=land_of(self.model, field.x, field.y))
 
     def lake(self) -> Lake:
         """Fresh two-way water: endless if the scene's boundary absorbs, else inside its walls or periodic.
@@ -169,11 +176,7 @@ def load_scene(path: str | os.PathLike[str] = "lake", *, body: str | None = None
         MeshError: a stone's mesh is not closed.
     """
     file = _find(path)
-    try:
-        model = _compile(file)
-    except ValueError as error:
-        reason = " ".join(str(error).split())
-        raise SceneError(f"{file} does not compile as MJCF: {reason}") from error
+    model = load_model(file)
     names = [body_name(model, b) for b in free_bodies(model)]
     if not names:
         raise SceneError(f"{file} has no free body: give the stone a <freejoint/>")
@@ -209,17 +212,6 @@ def load_scene(path: str | os.PathLike[str] = "lake", *, body: str | None = None
         raise SceneError(f"{file}: {error}") from error
     _ = scene.stones  # refuse open meshes here rather than in the middle of a run
     return scene
-
-
-def _compile(file: Path) -> mujoco.MjModel:
-    """The model; the engine plugin is registered if it turns out to be needed."""
-    try:
-        return mujoco.MjModel.from_xml_path(str(file))
-    except ValueError as error:
-        if f"plugin {NAME} not found" not in str(error):
-            raise
-    register_plugin()
-    return mujoco.MjModel.from_xml_path(str(file))
 
 
 def _plugged(model: mujoco.MjModel, file: Path, names: list[str]) -> dict[str, Water]:

@@ -16,13 +16,13 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip.checks import check_positive
-from mjskip.coupling.attach import compile_callback
 from mjskip.coupling.bodies import find_body
+from mjskip.coupling.callback import compile_callback
 from mjskip.errors import MjskipWarning
 from mjskip.hydro.stone import Stone
 from mjskip.rigid.attitude import angles, matrices
 from mjskip.throws.engines import Engine, Motion, MujocoEngine, ReferenceEngine, releases
-from mjskip.throws.recording import Limits, Log
+from mjskip.throws.recording import Limits, Recorder
 from mjskip.throws.reference import integrate
 from mjskip.throws.scene import Scene, load_scene
 from mjskip.throws.throw import Throw
@@ -133,11 +133,13 @@ def simulate_all(
     )
     gravity = float(-scene.model.opt.gravity[2])
     lake = scene.lake() if surface == "waves" else None
-    inside = lake.contains if lake is not None and lake.shape is not None else None
     if lake is not None:
         _doubt_lake(scene, lake, timestep, engine)
+    walls = None if lake is None else _walls(lake)
     logs = {
-        name: Log(name, stone, scene.water_of(name), limits, gravity=gravity, inside=inside)
+        name: Recorder(
+            name, stone, scene.water_of(name), limits, gravity=scene.model.opt.gravity, walls=walls
+        )
         for name, stone in scene.stones.items()
     }
     warm_up()
@@ -168,7 +170,7 @@ def simulate_all(
             engine=engine,
             integrator=machine.integrator,
             timestep=timestep,
-            gravity=gravity,
+            gravity=scene.model.opt.gravity.tolist(),
             surface=surface,
             own_dent=own_dent,
             frozen_attitude=frozen_attitude,
@@ -215,8 +217,7 @@ def _doubt_lake(scene: Scene, lake: Lake, timestep: float, engine: EngineName) -
         )
     for name, start in releases(scene).items():
         if not lake.contains(float(start.position[0]), float(start.position[1])):
-            (west, south), (nx, ny) = lake.place_of(0, 0), lake.shape or (0, 0)
-            east, north = lake.place_of(nx - 1, ny - 1)
+            west, east, south, north = _walls(lake) or (0.0, 0.0, 0.0, 0.0)
             raise ValueError(
                 f"{name!r} starts at ({start.position[0]:g}, {start.position[1]:g}), outside the walls of the lake of "
                 f"{scene.path}: x from {west:g} to {east:g} m, y from {south:g} to {north:g} m"
@@ -227,6 +228,15 @@ def _doubt_lake(scene: Scene, lake: Lake, timestep: float, engine: EngineName) -
             MjskipWarning,
             stacklevel=3,
         )
+
+
+def _walls(lake: Lake) -> tuple[float, float, float, float] | None:
+    """West, east, south and north wall [m], half a cell outside the outermost points; None if endless."""
+    if lake.shape is None:
+        return None
+    half = 0.5 * lake.spacing
+    (west, south), (east, north) = lake.place_of(0, 0), lake.place_of(*(n - 1 for n in lake.shape))
+    return west - half, east + half, south - half, north + half
 
 
 def _doubt_energy(name: str, trajectory: Trajectory, gravity: float) -> None:
@@ -245,7 +255,7 @@ def _doubt_energy(name: str, trajectory: Trajectory, gravity: float) -> None:
         )
 
 
-def _over_still_water(engine: Engine, logs: Mapping[str, Log], timestep: float) -> None:
+def _over_still_water(engine: Engine, logs: Mapping[str, Recorder], timestep: float) -> None:
     """Run until every stone's run is over; forces are observed from the motion afterwards."""
     motion, done = engine.start(), 0
     while True:
@@ -261,7 +271,7 @@ def _over_still_water(engine: Engine, logs: Mapping[str, Log], timestep: float) 
 
 
 def _over_waves(
-    engine: Engine, logs: Mapping[str, Log], timestep: float, surface: MovingSurface
+    engine: Engine, logs: Mapping[str, Recorder], timestep: float, surface: MovingSurface
 ) -> None:
     """The same with the surface moving: it is looked at before every step and pressed on after.
 

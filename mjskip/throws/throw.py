@@ -1,17 +1,21 @@
-"""The throw: how the stone leaves the hand."""
+"""The throw: how the stone leaves the hand. Its parameters are described in one table, `PARAMETERS`."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from mjskip._typing import Array
+from mjskip.checks import as_number, fault
 from mjskip.hydro.stone import Stone
-from mjskip.rigid.attitude import quaternions, released
+from mjskip.rigid.attitude import quaternions, release_attitude
 
-Array = npt.NDArray[np.float64]
+TURN = 2.0 * math.pi
+DEGREE = math.pi / 180.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,6 +36,72 @@ class State:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """One parameter of a throw, in SI units and as it is shown to people.
+
+    Attributes:
+        name: of the field of `Throw`.
+        unit: SI, as in data sets.
+        shown_unit: as at the command line.
+        factor: from the shown unit to SI.
+        low, high: allowed, both included, in the shown unit.
+        text: what it is.
+    """
+
+    name: str = ""
+    unit: str
+    shown_unit: str
+    factor: float = 1.0
+    low: float
+    high: float
+    text: str
+
+    def to_si(self, shown: object) -> float:
+        """A value in the shown unit as SI; errors as for `check`."""
+        number = as_number(shown)
+        return self.check(shown if number is None else number * self.factor)
+
+    def to_shown(self, value: float) -> float:
+        """An SI value in the shown unit."""
+        return value / self.factor
+
+    def text_of(self, value: float) -> str:
+        """An SI value for people, such as "20°" or "15 rev/s"."""
+        unit = "°" if self.shown_unit == "degrees" else f" {self.shown_unit}"
+        return f"{self.to_shown(value):.4g}{unit}"
+
+    def check(self, value: object) -> float:
+        """An SI value as a float.
+
+        Raises:
+            ValueError: it is no number or out of range; limits are given in the shown unit.
+        """
+        number = as_number(value)
+        remedy = f"give a number between {self.low:g} and {self.high:g} {self.shown_unit}"
+        if number is None:
+            raise fault(self.name, value, remedy)
+        if not self.low * self.factor <= number <= self.high * self.factor:
+            raise ValueError(
+                f"{self.name} is {self.to_shown(number):g} {self.shown_unit}: {remedy}"
+            )
+        return number
+
+
+def _parameter(default: float, **about: Any) -> Any:
+    """A field of `Throw`; `default` is in the shown unit."""
+    parameter = Parameter(**about)
+    return field(default=default * parameter.factor, metadata={"parameter": parameter})
+
+
+_TILT: dict[str, Any] = {
+    "unit": "rad", "shown_unit": "degrees", "factor": DEGREE, "low": -90.0, "high": 90.0,
+}  # fmt: skip
+_RATE: dict[str, Any] = {
+    "unit": "rad s-1", "shown_unit": "rev/s", "factor": TURN, "low": -1e4, "high": 1e4,
+}  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
 class Throw:
     """A throw along +x, in SI units and radians; `from_degrees` takes degrees and rev/s.
 
@@ -46,37 +116,31 @@ class Throw:
         height: of the stone's lowest point above still water [m]; at 0 it touches as it is let go.
 
     Raises:
-        ValueError: a value is not finite or outside what can be thrown.
+        ValueError: a value is not a number or outside what can be thrown.
     """
 
-    speed: float = 12.0
-    spin: float = 15.0 * 2.0 * math.pi
-    attack: float = math.radians(20.0)
-    descent: float = math.radians(6.0)
-    bank: float = 0.0
-    wobble: float = 0.0
-    height: float = 0.3
+    speed: float = _parameter(
+        12.0, unit="m s-1", shown_unit="m/s", low=0.0, high=1000.0, text="Speed of the throw."
+    )
+    spin: float = _parameter(15.0, **_RATE, text="Spin, counter-clockwise seen from above.")
+    attack: float = _parameter(
+        20.0, **_TILT, text="Tilt of the stone's face to the water, nose up."
+    )
+    descent: float = _parameter(6.0, **_TILT, text="Angle of the path below the horizontal.")
+    bank: float = _parameter(0.0, **_TILT, text="Tilt to the side; positive leans left.")
+    wobble: float = _parameter(
+        0.0, **_RATE, text="Turning across the axis, as after an unclean release."
+    )
+    height: float = _parameter(
+        0.3, unit="m", shown_unit="m", low=0.0, high=1000.0,
+        text="Height of the lowest point above still water at release.",
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
-        quarter = 0.5 * math.pi
-        allowed = {  # inclusive limits, unit, and how a unit is shown to people
-            "speed": (0.0, 1000.0, "m/s", 1.0),
-            "spin": (-1e4 * 2.0 * math.pi, 1e4 * 2.0 * math.pi, "rev/s", 0.5 / math.pi),
-            "attack": (-quarter, quarter, "degrees", 180.0 / math.pi),
-            "descent": (-quarter, quarter, "degrees", 180.0 / math.pi),
-            "bank": (-quarter, quarter, "degrees", 180.0 / math.pi),
-            "wobble": (-1e4 * 2.0 * math.pi, 1e4 * 2.0 * math.pi, "rev/s", 0.5 / math.pi),
-            "height": (0.0, 1000.0, "m", 1.0),
-        }
-        for name, (low, high, unit, shown) in allowed.items():
-            value = getattr(self, name)
-            if not (math.isfinite(value) and low <= value <= high):
-                raise ValueError(
-                    f"{name} is {value * shown:g} {unit}: give a number between "
-                    f"{low * shown:g} and {high * shown:g} {unit}"
-                )
+        for name, parameter in PARAMETERS.items():
+            object.__setattr__(self, name, parameter.check(getattr(self, name)))
         if math.sin(self.attack) ** 2 + math.sin(self.bank) ** 2 > 1.0:
-            released(np.array([0.0, 0.0, 1.0]), self.attack, self.bank)  # says so
+            release_attitude(np.array([0.0, 0.0, 1.0]), self.attack, self.bank)  # says so
 
     @classmethod
     def from_degrees(
@@ -91,19 +155,13 @@ class Throw:
         height: float = 0.3,
     ) -> Throw:
         """The same throw with angles in degrees, spin and wobble in revolutions per second."""
-        return cls(
-            speed=speed,
-            spin=spin * 2.0 * math.pi,
-            attack=math.radians(attack),
-            descent=math.radians(descent),
-            bank=math.radians(bank),
-            wobble=wobble * 2.0 * math.pi,
-            height=height,
-        )
+        shown = (speed, spin, attack, descent, bank, wobble, height)
+        pairs = zip(PARAMETERS.values(), shown, strict=True)
+        return cls(**{parameter.name: parameter.to_si(value) for parameter, value in pairs})
 
     def state(self, stone: Stone, *, x: float = 0.0, y: float = 0.0) -> State:
         """The stone as it leaves the hand above (x, y) [m]."""
-        rotation = released(stone.disc_normal, self.attack, self.bank)
+        rotation = release_attitude(stone.disc_normal, self.attack, self.bank)
         lowest = float((stone.vertices @ rotation[2]).min())
         normal = rotation @ stone.disc_normal
         across = np.cross(
@@ -118,3 +176,9 @@ class Throw:
             velocity=self.speed * heading,
             omega=self.spin * normal + self.wobble * across / np.linalg.norm(across),
         )
+
+
+PARAMETERS: Mapping[str, Parameter] = {
+    each.name: replace(each.metadata["parameter"], name=each.name) for each in fields(Throw)
+}
+"""The parameters of a throw by name, in the order of `Throw`."""

@@ -5,19 +5,34 @@ from __future__ import annotations
 import json
 import math
 import os
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from mjskip.errors import MjskipError
-from mjskip.files import whole_file
+from mjskip.checks import check_count, check_mapping, check_number, check_vector
+from mjskip.files import reading, whole_file
 
 if TYPE_CHECKING:
     import xarray as xr
 
 Array = npt.NDArray[np.float64]
+
+
+GRAVITY = (0.0, 0.0, -9.81)
+"""Unless a scene or an argument says otherwise [m/s^2]."""
+
+ENDS: dict[str, str] = {
+    "sunk": "then it sank",
+    "at rest": "then it came to rest",
+    "planing": "then it ploughed on without leaving the water",
+    "out of time": "when the time was up",
+    "left the lake": "then it left the lake",
+    "diverged": "then its motion was no longer finite",
+}
+"""How a run can end, and how a sentence about its skips goes on; in the order of the kernels' codes."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,8 +124,7 @@ class Trajectory:
         clearance: height of the lowest point above the surface (n,) [m]; negative when wet.
         contacts: touches in order of time.
         skips: touches that were followed by at least `min_airtime` in the air.
-        end: why it ended: "sunk", "planing", "at rest", "out of time" or "left the lake"
-            (over waves, a bounded one).
+        end: why it ended, one of `ENDS`.
         mass: [kg].
         attributes: provenance: scene, body, engine, integrator, timestep, throw, water, version.
     """
@@ -136,11 +150,16 @@ class Trajectory:
     attributes: dict[str, Any] = field(default_factory=dict)
 
     @property
+    def potential_energy(self) -> Array:
+        """-m g.x (n,) [J]; gravity from the attributes, or `GRAVITY` if they do not say."""
+        gravity = np.asarray(self.attributes.get("gravity", GRAVITY), dtype=np.float64)
+        return -self.mass * (self.x @ gravity)
+
+    @property
     def energy(self) -> Array:
-        """Kinetic energy plus m g z (n,) [J]; gravity from the attributes, 9.81 m/s^2 if absent."""
-        gravity = float(self.attributes.get("gravity", 9.81))
+        """Kinetic and potential energy (n,) [J]."""
         kinetic = 0.5 * np.sum(self.P * self.velocity + self.L * self.omega, axis=1)
-        return np.asarray(kinetic + self.mass * gravity * self.x[:, 2], dtype=np.float64)
+        return np.asarray(kinetic + self.potential_energy, dtype=np.float64)
 
     def to_dataset(self) -> xr.Dataset:
         """The whole trajectory as an xarray Dataset with units and provenance."""
@@ -197,31 +216,55 @@ class Trajectory:
         Raises:
             MjskipError: the file is missing or is not such a file.
         """
-        if not os.path.isfile(path):
-            raise MjskipError(
-                f"{path} cannot be read as a trajectory: there is no such file; give one that "
-                "`mjskip run --save` wrote"
-            )
-        try:
-            import xarray as xr
-
-            with xr.open_dataset(path, engine="h5netcdf", decode_times=False) as opened:
-                data = opened.load()
-            series = {name: data[name].values for name, *_ in _SERIES}
+        with reading(path, what="a trajectory", writer="`mjskip run --save` or Trajectory.save"):
+            data, attrs = _contents(path)
+            attributes = json.loads(attrs["provenance"])
+            check_mapping("provenance", attributes, "give a JSON object")
+            check_vector("gravity", attributes.get("gravity", GRAVITY), 3)
+            time = data["time"]
+            if not (len(time) and (np.diff(time) > 0.0).all()):
+                raise ValueError("time does not increase")
             return cls(
-                time=data["time"].values,
-                **series,
-                contacts=tuple(_contact(data, k) for k in range(data.sizes.get("contact", 0))),
-                skips=int(data.attrs["skips"]),
-                end=str(data.attrs["end"]),
-                mass=float(data.attrs["mass_kg"]),
-                attributes=json.loads(data.attrs["provenance"]),
+                time=time,
+                **{name: data[name] for name, *_ in _SERIES},
+                contacts=tuple(_contact(data, k) for k in range(len(data["entry_time"]))),
+                skips=check_count("skips", attrs["skips"], low=0),
+                end=str(attrs["end"]),
+                mass=check_number("mass_kg", attrs["mass_kg"], low=1e-300, unit="kg"),
+                attributes=attributes,
             )
-        except (OSError, KeyError, ValueError) as error:
-            raise MjskipError(
-                f"{path} cannot be read as a trajectory ({error}): give a file that "
-                "`mjskip run --save` or Trajectory.save wrote"
-            ) from error
+
+
+def _contents(path: str | os.PathLike[str]) -> tuple[dict[str, Array], dict[str, Any]]:
+    """Variables and attributes of a file that `save` wrote, each variable with the shape it should have.
+
+    By h5py: of a damaged file xarray's reader leaves messages behind that no one can catch.
+    """
+    import h5py
+
+    width = {"axis": 3, "part": 4}
+    with h5py.File(path, "r") as file:
+        attrs = {name: np.asarray(value)[()] for name, value in file.attrs.items()}
+        attrs = {k: v.item() if np.size(v) == 1 and np.ndim(v) else v for k, v in attrs.items()}
+        rows = {"time": len(file["time"]), "contact": len(file["entry_time"])}
+        data = {}
+        for name, dims in _shapes():
+            values = file[name][()]
+            if values.shape != tuple(rows.get(d) or width.get(d, 0) for d in dims):
+                raise ValueError(f"{name} has shape {values.shape}")
+            if values.dtype.kind != "f" or not (np.isfinite(values).all() or dims[0] == "contact"):
+                raise ValueError(f"{name} holds what is no finite number")
+            data[name] = values.astype(np.float64)
+    return data, attrs
+
+
+def _shapes() -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Names and dimensions of all variables of a file."""
+    yield "time", ("time",)
+    yield from ((name, ("time", *dims)) for name, dims, *_ in _SERIES)
+    for side in ("entry", "exit"):
+        yield from ((f"{side}_{name}", ("contact", *dims)) for name, dims, _ in _MOMENT)
+    yield from ((f"contact_{name}", ("contact", *dims)) for name, dims, _ in _TOUCH)
 
 
 _SERIES: tuple[tuple[str, tuple[str, ...], str, str], ...] = (
@@ -254,9 +297,9 @@ _TOUCH: tuple[tuple[str, tuple[str, ...], str], ...] = (
 )
 
 
-def _contact(data: xr.Dataset, k: int) -> Contact:
+def _contact(data: Mapping[str, Array], k: int) -> Contact:
     def value(name: str) -> Any:
-        return data[name].values[k].tolist()
+        return data[name][k].tolist()
 
     def moment(side: str) -> Moment | None:
         if math.isnan(value(f"{side}_time")):

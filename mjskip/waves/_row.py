@@ -4,9 +4,6 @@ A compiler that finds the vectors by itself loads each row three times, a cell a
 cross a cache line. Here a row is loaded once and its neighbours to the left and right are shifted out of
 registers; products and sums are fused. Scalar and vector form are the same operations in the same order,
 so that a cell comes out the same to the last bit wherever in a row, a tile or a thread's share it lies.
-
-numba keys what it keeps on disk on the file of the kernel: after a change here touch the files of those that
-call it, `_wave_kernels.py` and `_tile_kernels.py`.
 """
 
 from itertools import chain

@@ -43,6 +43,9 @@ NARROWEST_LOAD = 1.5
 SPONGE_CELLS = 32
 """Width of the layer of growing friction outside an absorbing field."""
 
+MARGIN = SPONGE_CELLS + 1
+"""Stored cells outside an absorbing field on each side: the layer, and an open edge of one cell."""
+
 SPONGE_STRENGTH = 0.35
 """Integral of the layer's friction over its width / c: amplitudes fall by e^-0.35, there and back.
 
@@ -69,7 +72,7 @@ def paper_limit(spacing: float, wave_speed: float, damping: float) -> float:
     return (damping + math.sqrt(damping * damping + 32.0 * rate)) / (8.0 * rate)
 
 
-def calming(old: float, new: float) -> float:
+def step_change_filter(old: float, new: float) -> float:
     """How much of the shortest waves' speed to take when the step changes: 0 to 1.
 
     A leapfrog whose step changes again and again is a swing whose length changes: waves that turn
@@ -78,6 +81,11 @@ def calming(old: float, new: float) -> float:
     12 cells loses a 400th at each such change, one of 24 cells a 6000th.
     """
     return min(1.0, 20.0 * abs(new - old) / max(new, old)) if old > 0.0 else 0.0
+
+
+def is_ordinary_step(timestep: float, limit: float) -> bool:
+    """Whether a step needs no closer look: `checked_step` would pass it."""
+    return SMALLEST_STEP * limit <= timestep <= limit
 
 
 def checked_step(timestep: float, limit: float, paper: float) -> None:
@@ -122,17 +130,10 @@ def reach_of(radius: float, spacing: float) -> float:
     return math.sqrt(2.0) * max(radius / spacing, NARROWEST_LOAD)
 
 
-def sponge(cells: int, first: int, length: int, rate: float) -> npt.NDArray[np.float32]:
-    """(length,) friction [1/s] that grows as depth^2 over the margin on either side of `cells`.
-
-    Args:
-        cells: number of them, margins included.
-        first: index of the first.
-        length: of the result; 0 outside the cells.
-        rate: c / d [1/s]; 0 for no margin.
-    """
-    index = np.arange(length) - first
-    depth = np.maximum(SPONGE_CELLS - index, index - (cells - 1 - SPONGE_CELLS)) / SPONGE_CELLS
-    depth = np.where((index < 0) | (index >= cells), 0.0, np.maximum(depth, 0.0))
-    friction = 3.0 * SPONGE_STRENGTH / SPONGE_CELLS * rate * depth**2
+def sponge(length: int, rate: float) -> npt.NDArray[np.float32]:
+    """(length,) friction [1/s] that grows as depth^2 over the layers at both ends; `rate` is c / d [1/s]."""
+    index = np.arange(length) - 1  # the outermost cells are the open edge
+    depth = np.maximum(SPONGE_CELLS - index, index - (length - 3 - SPONGE_CELLS)) / SPONGE_CELLS
+    depth[[0, -1]] = 0.0
+    friction = 3.0 * SPONGE_STRENGTH / SPONGE_CELLS * rate * np.maximum(depth, 0.0) ** 2
     return friction.astype(np.float32)

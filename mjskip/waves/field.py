@@ -1,36 +1,50 @@
 """The water surface: Lee & Baek's damped wave equation on a grid, driven by loads."""
 
+from __future__ import annotations
+
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
 import numpy.typing as npt
 
-from mjskip.waves import _wave_kernels as kernels
-from mjskip.waves._grid import (
-    checked_finite,
-    checked_height,
-    checked_load,
-    checked_name,
-    checked_number,
-    checked_shape,
-    positions,
+from mjskip._typing import Array, PathLike
+from mjskip.checks import (
+    check_choice,
+    check_count,
+    check_number,
+    check_path,
+    check_positive,
+    check_vector,
+    fault,
 )
+from mjskip.waves import _block_kernels as kernels
 from mjskip.waves._stencil import (
     BOUNDARIES,
     COURANT_LIMITS,
-    SMALLEST_STEP,
+    MARGIN,
     STENCILS,
     Boundary,
     Stencil,
     checked_step,
+    is_ordinary_step,
     paper_limit,
     reach_of,
     steps_for,
 )
-from mjskip.waves.dense import DenseWater, FloatArray, Head, SurfaceArray, round_head
+from mjskip.waves.grid import Block, SurfaceArray, WaveGrid
+
+TerrainMask = Callable[[Array, Array], npt.NDArray[np.bool_]]
+"""Whether cells at x (nx,) and y (ny,) [m] are land: (nx, ny)."""
+
+LARGEST = float(np.finfo(np.float32).max)
+
+FARTHEST = 1e9
+"""Places farther than this from the first cell, in cells, cannot be told apart there: they are refused."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,28 +57,41 @@ class SurfaceSample:
         vertical_speed: (n,) of the surface [m/s], half a step behind the elevation.
     """
 
-    elevation: FloatArray
-    slope: FloatArray
-    vertical_speed: FloatArray
+    elevation: Array
+    slope: Array
+    vertical_speed: Array
 
 
 class HeightField:
-    """Elevation of a rectangle of water under z_tt = c^2 lap(z + p / (rho g)) - mu z_t.
+    """Elevation of water under z_tt = c^2 lap(z + p / (rho g)) - mu z_t: a rectangle of it, or endless.
 
     Rings from a 20 N push that lasts a hundredth of a second::
 
-        lake = HeightField()
-        lake.press(0.0, 0.0, force=20.0, radius=0.05)
-        lake.advance(0.01)
-        lake.advance(1.5)
-        rings = lake.elevation
+        water = HeightField()
+        water.press(0.0, 0.0, force=20.0, radius=0.05)
+        water.advance(0.01)
+        water.advance(1.5)
+        rings = water.elevation
 
     Steps of one size are best: each change costs four more sweeps, takes a little speed from waves
-    shorter than some 12 cells (see `_stencil.calming`), and rounds speeds to the elevation's last
-    bit over the smaller step.
+    of few cells (a thousandth of the energy at 24 cells a wave, 40% at 4), and rounds speeds to the
+    elevation's last bit over the smaller step.
+
+    With a `sleep_amplitude` only tiles of 64 x 64 cells that move are stored and stepped: from the moment a
+    neighbour's wave above that amplitude reaches their rim, or a load does, until both of their last levels
+    are within half of it. Water that is not stored is still, and swallows or reflects waves below the
+    amplitude: what flows into it is gone, as much as the amplitude over the area that moves, and `lost_volume`
+    says how much went with tiles that were given up.
 
     The water starts still. Cell (i, j) is at `x[i]`, `y[j]`; the walls are half a cell beyond the
     outermost cells. Source: equations (5)-(9) of the paper with its slips repaired.
+
+    Attributes:
+        shape: cells along x and y; None if endless.
+        spacing, wave_speed, damping, stencil, centre, sleep_amplitude: as given.
+        boundary: "reflect", "absorb" or "periodic" as given; "endless".
+        grid: the cells and how they are stepped.
+        time: simulated time [s].
     """
 
     def __init__(
@@ -77,7 +104,8 @@ class HeightField:
         boundary: Boundary = "reflect",
         *,
         centre: tuple[float, float] = (0.0, 0.0),
-        land: npt.ArrayLike | None = None,
+        terrain_mask: npt.ArrayLike | TerrainMask | None = None,
+        sleep_amplitude: float = 0.0,
         threads: int | None = None,
     ) -> None:
         """Make still water.
@@ -92,59 +120,123 @@ class HeightField:
             boundary: "reflect" (walls; volume is conserved), "absorb" (open water: waves leave
                 through a layer of friction outside the field) or "periodic".
             centre: (x, y) of the middle of the field [m].
-            land: `shape`, True where an island or a pier leaves no water; waves reflect off it.
+            terrain_mask: `shape`, True where an island or a pier leaves no water, or a function of the cells'
+                x (nx,) and y (ny,) [m] that returns it; waves reflect off it.
+            sleep_amplitude: waves below it are let go [m]; 0 to step all cells always.
             threads: how many share a step; None picks by size. The result does not depend on it.
 
         Raises:
             ValueError: an argument is out of range, or the grid does not fit into memory.
         """
-        self.shape = checked_shape(shape)
-        self.spacing = checked_number("spacing", spacing, "m", positive=True)
-        self.wave_speed = checked_number("wave_speed", wave_speed, "m/s", positive=True)
-        self.damping = checked_number("damping", damping, "1/s")
-        self.stencil: Stencil = checked_name("stencil", stencil, STENCILS)
-        self.boundary: Boundary = checked_name("boundary", boundary, BOUNDARIES)
-        if len(centre) != 2 or not all(math.isfinite(value) for value in centre):
-            raise ValueError(f"centre is {centre!r}: give two finite numbers, (x, y) [m]")
-        self.centre = (float(centre[0]), float(centre[1]))
-        if threads is not None and threads < 1:
-            raise ValueError(f"threads is {threads!r}: give at least 1, or None to pick by size")
+        self.shape: tuple[int, int] | None = _checked_shape(shape)
+        self.stencil: Stencil = check_choice("stencil", stencil, STENCILS)
+        self.boundary: str = check_choice("boundary", boundary, BOUNDARIES)
+        if threads is not None:
+            threads = check_count("threads", threads)
+        self._describe(spacing, wave_speed, damping, centre, sleep_amplitude)
+        if boundary == "absorb" and self.sleep_amplitude > 0.0:
+            raise ValueError(
+                "an absorbing field does not sleep: leave sleep_amplitude at 0, or use HeightField.endless()"
+            )
+        self.terrain_mask: npt.NDArray[np.bool_] | TerrainMask | None = None
+        if terrain_mask is not None:
+            self.terrain_mask = self._checked_mask(terrain_mask)
+        self._make_grid(threads)
 
-        self.land = None if land is None else np.array(land, np.bool_)
-        if self.land is not None and self.land.shape != self.shape:
-            raise ValueError(f"land has shape {self.land.shape}: give the field's, {self.shape}")
-        if self.land is not None and self.land.all():
-            raise ValueError("land covers every cell: leave some water")
-        if self.land is not None and self.stencil == "paper_eq8":
-            raise ValueError("stencil paper_eq8 knows no land: use nine_point or five_point")
+    @classmethod
+    def endless(
+        cls,
+        *,
+        spacing: float = 0.02,
+        wave_speed: float = 1.0,
+        damping: float = 0.2,
+        centre: tuple[float, float] = (0.0, 0.0),
+        terrain_mask: TerrainMask | None = None,
+        sleep_amplitude: float = 1e-5,
+    ) -> HeightField:
+        """Make still water without an end: only what moves is stored, and all verbs are those of a rectangle.
 
-        self._water = DenseWater(
-            self.shape, self.wave_speed / self.spacing, self.damping, self.stencil, self.boundary,
-            land=self.land, threads=threads,
+        `elevation`, `velocity`, `x` and `y` are those of the rectangle about all that moves; `set` puts an array
+        about the centre.
+
+        Args:
+            spacing, wave_speed, damping, sleep_amplitude: as of `HeightField`.
+            centre: (x, y) of the middle of cell (0, 0) [m].
+            terrain_mask: whether cells at x (nx,) and y (ny,) [m] are land: (nx, ny).
+
+        Raises:
+            ValueError: an argument is out of range.
+        """
+        field = cls.__new__(cls)
+        field.shape, field.stencil, field.boundary = None, "nine_point", "endless"
+        field._describe(spacing, wave_speed, damping, centre, sleep_amplitude)
+        if terrain_mask is not None and not callable(terrain_mask):
+            raise ValueError(
+                "terrain_mask of endless water must tell of any cells: give a function of x (n,) and y (m,) that "
+                "returns (n, m)"
+            )
+        field.terrain_mask = terrain_mask
+        field._make_grid(None)
+        return field
+
+    def _describe(
+        self, spacing: float, wave_speed: float, damping: float, centre: tuple[float, float],
+        sleep_amplitude: float,
+    ) -> None:  # fmt: skip
+        check_positive(spacing=spacing, wave_speed=wave_speed)
+        self.spacing, self.wave_speed = float(spacing), float(wave_speed)
+        self.damping = check_number("damping", damping, low=0.0, unit="1/s")
+        x, y = check_vector("centre", centre, 2).tolist()
+        self.centre: tuple[float, float] = (x, y)
+        self.sleep_amplitude = check_number("sleep_amplitude", sleep_amplitude, low=0.0, unit="m")
+
+    def _checked_mask(self, given: npt.ArrayLike | TerrainMask) -> npt.NDArray[np.bool_]:
+        assert self.shape is not None
+        mask = np.array(given(self.x, self.y) if callable(given) else given, np.bool_)
+        if mask.shape != self.shape:
+            raise ValueError(f"terrain_mask has shape {mask.shape}: give the field's, {self.shape}")
+        if mask.all():
+            raise ValueError("terrain_mask covers every cell: leave some water")
+        if self.stencil == "paper_eq8":
+            raise ValueError("stencil paper_eq8 knows no terrain: use nine_point or five_point")
+        return mask
+
+    def _make_grid(self, threads: int | None) -> None:
+        self._margin = MARGIN if self.boundary == "absorb" else 0
+        self.grid = WaveGrid(
+            self.shape, self.wave_speed / self.spacing, self.damping, stencil=self.stencil,
+            absorbing=self.boundary == "absorb", periodic=self.boundary == "periodic",
+            sleep_amplitude=self.sleep_amplitude, threads=threads,
+            terrain=None if self.terrain_mask is None else self._is_land,
         )  # fmt: skip
-        self._loads: list[Head] = []
+        self._loads: list[Block] = []
         self.time = 0.0
-        """Simulated time [s]."""
-        self.x: FloatArray = positions(self.shape[0], self.centre[0], self.spacing)
-        """(nx,) positions of the cells along x [m]."""
-        self.y: FloatArray = positions(self.shape[1], self.centre[1], self.spacing)
-        """(ny,) positions of the cells along y [m]."""
 
     # What the water is like ---------------------------------------------------------------------
 
     @property
+    def x(self) -> Array:
+        """(nx,) positions of the cells along x [m]."""
+        (i, _), (nx, _) = self._extent()
+        return self._positions(0, i, nx)
+
+    @property
+    def y(self) -> Array:
+        """(ny,) positions of the cells along y [m]."""
+        (_, j), (_, ny) = self._extent()
+        return self._positions(1, j, ny)
+
+    @property
     def elevation(self) -> SurfaceArray:
-        """(nx, ny) [m], a view of the present surface: ask again after a step."""
-        return self._water.cells(self._water.z)
+        """(nx, ny) [m], not to be written to: ask again after a step; `set` changes it."""
+        return self._whole(0)
 
     @property
     def velocity(self) -> SurfaceArray:
-        """(nx, ny) vertical speed [m/s] from the last two levels: half a step behind, a copy."""
-        water = self._water
-        if water.last_timestep == 0.0:
-            return np.zeros(self.shape, np.float32)
-        difference = water.cells(water.z) - water.cells(water.prev)
-        return difference / np.float32(water.last_timestep)
+        """(nx, ny) vertical speed [m/s] from the last two levels: half a step behind."""
+        if self.grid.last_timestep == 0.0:
+            return np.zeros(self._extent()[1], np.float32)
+        return (self._whole(0) - self._whole(1)) / np.float32(self.grid.last_timestep)
 
     @property
     def max_timestep(self) -> float:
@@ -156,39 +248,64 @@ class HeightField:
         """What equation (9), c < (d / 2t) sqrt(mu t + 2), would allow [s]: too much if mu > 0."""
         return paper_limit(self.spacing, self.wave_speed, self.damping)
 
+    @property
+    def active_tiles(self) -> int:
+        """Tiles stored and stepped now."""
+        return self.grid.active_tiles
+
+    @property
+    def memory(self) -> int:
+        """Bytes that hold the water now."""
+        return self.grid.memory
+
+    @property
+    def lost_volume(self) -> float:
+        """Water that went with tiles that were given up [m^3]."""
+        return float(self.grid.tiles.lost[0]) * self.spacing**2
+
+    @property
+    def highest(self) -> float:
+        """Greatest |elevation| of all cells [m]."""
+        return float(np.abs(self.grid.z).max(initial=0.0))
+
     def volume(self) -> float:
         """Water above the still level minus water missing below it [m^3]."""
-        return float(self.elevation.sum(dtype=np.float64)) * self.spacing**2
+        cells = self._whole(0) if self._margin else self.grid.z
+        return float(cells.sum(dtype=np.float64)) * self.spacing**2
 
     def contains(self, x: float, y: float) -> bool:
-        """Whether a point is inside the walls."""
+        """Whether a point is inside the walls, if there are any."""
+        if self.shape is None or self.boundary == "periodic":
+            return True
         return (
             abs(x - self.centre[0]) <= 0.5 * self.shape[0] * self.spacing
             and abs(y - self.centre[1]) <= 0.5 * self.shape[1] * self.spacing
         )
 
     def sample(self, x: npt.ArrayLike, y: npt.ArrayLike) -> SurfaceSample:
-        """Surface at points, bilinear; outside the field the water is still.
+        """Surface at points, bilinear; outside walls the water is still.
 
         Args:
             x, y: (n,) or scalars [m].
+
+        Raises:
+            ValueError: a coordinate is no finite number.
         """
         points_x, points_y = np.broadcast_arrays(
-            np.atleast_1d(np.asarray(x, np.float64)), np.atleast_1d(np.asarray(y, np.float64))
+            np.atleast_1d(_finite("x", x)), np.atleast_1d(_finite("y", y))
         )
         at = np.column_stack(self._in_cells(points_x.ravel(), points_y.ravel()))
         out = np.empty((len(at), 4))
-        water = self._water
         kernels.sample_points(
-            water.z, water.prev, water.i1, water.j0, water.j1, water.code, at,
-            self.spacing, water.last_timestep, out,
+            self.grid.tiles, 1 if self._margin else 0, at, self.spacing,
+            self.grid.last_timestep, out,
         )  # fmt: skip
         return SurfaceSample(elevation=out[:, 0], slope=out[:, 1:3], vertical_speed=out[:, 3])
 
     def window(
         self, x: float, y: float, shape: tuple[int, int]
-    ) -> tuple[SurfaceArray, FloatArray, FloatArray]:
-        """A copy of the elevation around a point, still water outside the field.
+    ) -> tuple[SurfaceArray, Array, Array]:
+        """A copy of the elevation around a point, still water outside the walls.
 
         Args:
             x, y: middle [m], rounded to whole cells.
@@ -197,24 +314,17 @@ class HeightField:
         Returns:
             Elevation (nx, ny) [m] and the positions of its cells along x (nx,) and y (ny,) [m].
         """
-        first = [
-            round((at - float(cells[0])) / self.spacing - (n - 1) / 2)
-            for at, cells, n in zip((x, y), (self.x, self.y), shape, strict=True)
-        ]
-        block = np.zeros(shape, np.float32)
-        there, here = (
-            tuple(
-                slice(max(i, 0) - shift, max(min(i + n, size) - shift, 0))
-                for i, n, size, shift in zip(first, shape, self.shape, shifts, strict=True)
-            )
-            for shifts in ((0, 0), first)
+        places = self._in_cells(x, y)
+        i, j = (
+            self._whole_cell(float(p) - (n - 1) / 2) - self._margin
+            for p, n in zip(places, shape, strict=True)
         )
-        block[here] = self.elevation[there]
-        places = [
-            np.asarray(cells[0] + (i + np.arange(n)) * self.spacing, np.float64)
-            for cells, i, n in zip((self.x, self.y), first, shape, strict=True)
-        ]
-        return block, places[0], places[1]
+        block = self._read((i, j), shape)[0]
+        if self._margin and self.shape is not None:  # what is there is no part of the field
+            for axis, (first, n) in enumerate(zip((i, j), self.shape, strict=True)):
+                cells = first + np.arange(shape[axis])
+                np.moveaxis(block, axis, 0)[(cells < 0) | (cells >= n)] = 0.0
+        return block, self._positions(0, i, shape[0]), self._positions(1, j, shape[1])
 
     # What acts on it ----------------------------------------------------------------------------
 
@@ -232,7 +342,7 @@ class HeightField:
 
         The load enters as pressure head p / (rho g), so it moves water and makes none: a load that
         stays depresses the surface by the static head. Its profile is (1 - r^2 / 2R^2)^2, which has
-        the second moment of a uniform disc of radius R. Parts outside the field are dropped.
+        the second moment of a uniform disc of radius R. Parts outside walls are dropped.
 
         Args:
             x, y: centre [m].
@@ -244,17 +354,16 @@ class HeightField:
         Raises:
             ValueError: an argument is not finite, or radius, density or gravity is not positive.
         """
-        head_volume = checked_load(
-            x, y, force=force, radius=radius, density=density, gravity=gravity, spacing=self.spacing
-        )
-        reach = reach_of(radius, self.spacing)
-        at_x, at_y = (float(at[0]) for at in self._in_cells(np.array([x]), np.array([y])))
-        nx, ny = self._water.i1 - 1, self._water.j1 - self._water.j0
-        if self.boundary == "periodic":
-            at_x, at_y = at_x % nx, at_y % ny
-        if force != 0.0 and -reach < at_x < nx - 1 + reach and -reach < at_y < ny - 1 + reach:
-            first = 1, self._water.j0
-            self._loads.append(round_head((at_x, at_y), reach, head_volume, first=first))
+        force = check_number("force", force, unit="N")
+        check_positive(radius=radius, density=density, gravity=gravity)
+        volume = force / (density * gravity * self.spacing**2)
+        if not abs(volume) <= LARGEST:
+            raise fault("force", force, "that is more than single precision holds on this water")
+        block = self._round_block(x, y, radius)
+        if block is not None and force != 0.0:
+            head, i, j, centre, reach = block
+            kernels.fill_round_head(head, *centre, reach, volume)
+            self._loads.append((head, i, j))
 
     def displace(self, x: float, y: float, *, height: float, radius: float) -> None:
         """Raise the surface by a smooth round bump, leaving its vertical speed as it is.
@@ -267,43 +376,49 @@ class HeightField:
         Raises:
             ValueError: an argument is not finite, or radius is not positive.
         """
-        checked_finite("m", x=x, y=y)
-        checked_height(height)
-        checked_number("radius", radius, "m", positive=True)
-        reach = reach_of(radius, self.spacing)
-        east, north = (self.x[:, None] - x) / self.spacing, (self.y[None, :] - y) / self.spacing
+        height = check_number("height", height, unit="m")
+        if abs(height) > LARGEST:
+            raise fault("height", height, "give a number that single precision holds [m]")
+        check_positive(radius=radius)
+        block = self._round_block(x, y, radius)
+        if block is None:
+            return
+        bump, i, j, _, reach = block
+        margin = self._margin
+        at_x = self._positions(0, i - margin, bump.shape[0])
+        at_y = self._positions(1, j - margin, bump.shape[1])
+        east, north = (at_x[:, None] - x) / self.spacing, (at_y[None, :] - y) / self.spacing
         profile = np.maximum(1.0 - (east**2 + north**2) / reach**2, 0.0) ** 2
-        bump = (height * profile).astype(np.float32)
-        if self.land is not None:
-            bump[self.land] = 0.0
-        self._water.cells(self._water.z)[...] += bump
-        self._water.cells(self._water.prev)[...] += bump
+        self._raise((height * profile).astype(np.float32), (i, j))
 
     def set(self, elevation: npt.ArrayLike, vertical_speed: npt.ArrayLike = 0.0) -> None:
         """Replace the surface.
 
         Args:
-            elevation: (nx, ny), or what broadcasts to it [m].
+            elevation: (nx, ny), or what broadcasts to it [m]; of endless water any array, put about the centre,
+                with still water around it.
             vertical_speed: the same [m/s].
 
         Raises:
-            ValueError: a value is not finite, or a shape does not fit.
+            ValueError: a value is no finite number, or a shape does not fit.
         """
-        z = np.broadcast_to(np.asarray(elevation, np.float32), self.shape)
-        v = np.broadcast_to(np.asarray(vertical_speed, np.float32), self.shape)
-        if not (np.isfinite(z).all() and np.isfinite(v).all()):
-            raise ValueError("the elevation or vertical speed holds a value that is not finite")
-        water = self._water
-        water.reset()
-        water.cells(water.z)[...] = z if self.land is None else np.where(self.land, 0.0, z)
+        z, v = _finite("elevation", elevation), _finite("vertical_speed", vertical_speed)
+        shape = self.shape or z.shape
+        if len(shape) != 2:
+            raise fault("elevation", elevation, "give an array (nx, ny) for endless water")
+        z, v = np.broadcast_to(z, shape), np.broadcast_to(v, shape)
+        first = (self._margin,) * 2 if self.shape else tuple(round(-(n - 1) / 2) for n in shape)
+        self.grid.reset()
+        self._raise(z.astype(np.float32), (first[0], first[1]), inside=True)
         timestep = 0.5 * self.max_timestep
-        water.start(timestep)
-        back = np.float32(timestep + 0.5 * self.damping * timestep**2) * v
-        water.cells(water.prev)[...] -= back if self.land is None else np.where(self.land, 0, back)
+        self.grid.start(timestep)
+        back = np.float32(timestep + 0.5 * self.damping * timestep**2) * v.astype(np.float32)
+        self._raise(None, (first[0], first[1]), before=-back, inside=True)
+        self.grid.activate_called()
 
     def reset(self) -> None:
         """Still water at time 0, no loads."""
-        self._water.reset()
+        self.grid.reset()
         self._loads.clear()
         self.time = 0.0
 
@@ -314,11 +429,12 @@ class HeightField:
 
         Raises:
             ValueError: the step is not a positive number, larger than `max_timestep`, or lost in rounding.
+            MjskipError: the tiles that move no longer fit into memory.
         """
-        limit = self.max_timestep
-        if not SMALLEST_STEP * limit <= timestep <= limit:
-            checked_step(timestep, limit, self.paper_max_timestep)
-        self._step(timestep)
+        if not is_ordinary_step(timestep, self.max_timestep):
+            checked_step(timestep, self.max_timestep, self.paper_max_timestep)
+        self.grid.step(timestep, self._loads)
+        self.time += timestep
         self._loads.clear()
 
     def advance(self, duration: float) -> int:
@@ -329,71 +445,224 @@ class HeightField:
 
         Raises:
             ValueError: the duration is negative, not finite, or more than ten thousand million steps.
+            MjskipError: the tiles that move no longer fit into memory.
         """
         steps = steps_for(duration, self.max_timestep)
         begun, left = self.time, steps
         while left:
-            left -= self._water.steps(duration / steps, left, self._loads)
+            left -= self.grid.steps(duration / steps, left, self._loads)
             self.time = begun + duration * (1.0 - left / steps)
         if steps:
             self._loads.clear()
         return steps
 
-    def _step(self, timestep: float) -> None:
-        self._water.step(timestep, self._loads)
-        self.time += timestep
+    # Cells --------------------------------------------------------------------------------------
 
-    def _in_cells(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _positions(self, axis: int, first: int, count: int) -> Array:
+        """(count,) positions of cells of the field [m]."""
+        n = self.shape[axis] if self.shape else 1
+        cells = first + np.arange(count)
+        return np.asarray(self.centre[axis] + (cells - (n - 1) / 2) * self.spacing, np.float64)
+
+    def _in_cells(self, x: Array | float, y: Array | float) -> tuple[Array, Array]:
         """Positions in cells, (0, 0) being the first stored cell."""
-        return (
-            (x - self.x[0]) / self.spacing + self._water.margin,
-            (y - self.y[0]) / self.spacing + self._water.margin,
-        )
+        nx, ny = self.shape or (1, 1)
+        first = self.centre[0] - (nx - 1) / 2 * self.spacing
+        second = self.centre[1] - (ny - 1) / 2 * self.spacing
+        margin = self._margin
+        at_x, at_y = (x - first) / self.spacing + margin, (y - second) / self.spacing + margin
+        return np.asarray(at_x), np.asarray(at_y)
+
+    def _whole_cell(self, at: float) -> int:
+        if not abs(at) < FARTHEST:
+            raise ValueError(
+                f"a place {at * self.spacing:g} m from the first cell is too far: give at most "
+                f"{FARTHEST * self.spacing:g} m"
+            )
+        return round(float(at))
+
+    def _extent(self) -> tuple[tuple[int, int], tuple[int, int]]:
+        """First cell of the field, and how many there are; of endless water those of all tiles that move."""
+        if self.shape is not None:
+            return (0, 0), self.shape
+        names, (rows, columns) = self.grid.names, self.grid.tile
+        if not len(names):
+            return (0, 0), (0, 0)
+        (a, b), (c, d) = names.min(axis=0).tolist(), names.max(axis=0).tolist()
+        return (a * rows, b * columns), ((c - a + 1) * rows, (d - b + 1) * columns)
+
+    def _whole(self, level: int) -> SurfaceArray:
+        """The present level, or the one before, of the whole field."""
+        first, shape = self._extent()
+        if self.grid.is_whole:
+            i, j = first[0] + self._margin, first[1] + self._margin
+            cells = (self.grid.z, self.grid.prev)[level][0, i : i + shape[0], j : j + shape[1]]
+        else:
+            cells = self._read(first, shape)[level]
+        cells.flags.writeable = False
+        return cells
+
+    def _read(
+        self, first: tuple[int, int], shape: tuple[int, int]
+    ) -> tuple[SurfaceArray, SurfaceArray]:
+        """Copies of the two levels in a block of cells of the field."""
+        both = np.empty((2, *shape), np.float32)
+        margin = self._margin
+        kernels.read_block(self.grid.tiles, first[0] + margin, first[1] + margin, both[0], both[1])
+        return both[0], both[1]
+
+    def _raise(
+        self, block: SurfaceArray | None, first: tuple[int, int],
+        *, before: SurfaceArray | None = None, inside: bool = False,
+    ) -> None:  # fmt: skip
+        """Raise the water in a block of stored cells, both levels unless told otherwise; land stays.
+
+        Args:
+            block: (nx, ny) [m]; None leaves the present level.
+            first: its first cell.
+            before: of the level before; `block` if None.
+            inside: whether all of it is known to be inside the walls.
+        """
+        before = block if before is None else before
+        assert before is not None
+        block = np.zeros_like(before) if block is None else block
+        if self._margin and not inside:  # only the field itself is raised
+            assert self.shape is not None
+            for axis, (i, n) in enumerate(zip(first, self.shape, strict=True)):
+                cells = i + np.arange(block.shape[axis]) - self._margin
+                np.moveaxis(block, axis, 0)[(cells < 0) | (cells >= n)] = 0.0
+        if self.terrain_mask is not None:
+            water = ~self._is_land(*first, *block.shape)
+            block, before = block * water, before * water
+        self.grid.activate(first, block.shape)
+        kernels.raise_block(self.grid.tiles, *first, block, before)
+        if not inside:
+            self.grid.activate_called()
+
+    def _round_block(
+        self, x: float, y: float, radius: float
+    ) -> tuple[SurfaceArray, int, int, tuple[float, float], float] | None:
+        """Room for a round load, its first stored cell, and centre and reach in cells of the block.
+
+        None if the load is all outside.
+        """
+        x, y = check_number("x", x, unit="m"), check_number("y", y, unit="m")
+        reach = reach_of(radius, self.spacing)
+        p, q = (float(at) for at in self._in_cells(x, y))
+        margin = self._margin
+        if not self.contains(x, y) and self.shape is not None:
+            cells = [n + 2 * margin - (2 if margin else 0) for n in self.shape]
+            low = 1 if margin else 0
+            if not all(
+                low - reach < at < low + n - 1 + reach for at, n in zip((p, q), cells, strict=True)
+            ):
+                return None
+        i, j = self._whole_cell(math.ceil(p - reach)), self._whole_cell(math.ceil(q - reach))
+        block = np.zeros((math.floor(p + reach) - i + 1, math.floor(q + reach) - j + 1), np.float32)
+        return block, i, j, (p - i, q - j), reach
+
+    def _is_land(self, i: int, j: int, nx: int, ny: int) -> npt.NDArray[np.bool_]:
+        """Which of a block of stored cells are land; none outside the field."""
+        margin, mask = self._margin, self.terrain_mask
+        if callable(mask):
+            return mask(self._positions(0, i, nx), self._positions(1, j, ny))
+        assert mask is not None
+        land = np.ones((nx, ny), np.bool_)
+        cells = []
+        for axis, (first, count, n) in enumerate(zip((i, j), (nx, ny), mask.shape, strict=True)):
+            at = first - margin + np.arange(count)
+            if self.boundary == "periodic":
+                at %= n
+            np.moveaxis(land, axis, 0)[(at < 0) | (at >= n)] = False
+            cells.append(np.clip(at, 0, n - 1))
+        found: npt.NDArray[np.bool_] = land & mask[np.ix_(*cells)]
+        return found
 
     # Files --------------------------------------------------------------------------------------
 
-    def save(self, path: str | Path) -> None:
+    def save(self, path: PathLike) -> None:
         """Write settings and state to a NumPy archive; `load` goes on from there to the last bit.
 
-        Loads that wait for the next step are not kept.
+        Loads that wait for the next step are not kept, nor is a terrain mask that is a function.
         """
-        settings = {
-            "shape": self.shape,
-            "spacing": self.spacing,
-            "wave_speed": self.wave_speed,
-            "damping": self.damping,
-            "stencil": self.stencil,
-            "boundary": self.boundary,
-            "centre": self.centre,
-        }
-        water = self._water
-        state = {"z": water.z, "prev": water.prev, "last_timestep": water.last_timestep}
-        land = {} if self.land is None else {"land": self.land}
-        with Path(path).open("wb") as file:
-            np.savez(file, **settings, **state, **land, time=self.time)  # type: ignore[arg-type]
+        names = (
+            "spacing",
+            "wave_speed",
+            "damping",
+            "stencil",
+            "boundary",
+            "centre",
+            "sleep_amplitude",
+            "time",
+        )
+        settings = {name: getattr(self, name) for name in names}
+        mask = self.terrain_mask
+        if mask is not None:
+            settings["terrain_mask"] = np.empty(0) if callable(mask) else mask
+        with check_path("path", path).open("wb") as file:
+            np.savez(file, shape=self.shape or (), **settings, **self.grid.state())  # type: ignore[arg-type]
 
     @classmethod
-    def load(cls, path: str | Path) -> "HeightField":
+    def load(cls, path: PathLike, *, terrain_mask: TerrainMask | None = None) -> HeightField:
         """Read what `save` wrote.
+
+        Args:
+            path: the file.
+            terrain_mask: the function that the water was made with, if it was one.
 
         Raises:
             ValueError: the file is not there or is no water surface.
         """
         try:
-            with open(path, "rb") as file, np.load(file, allow_pickle=False) as archive:
+            with (
+                Path(check_path("path", path)).open("rb") as file,
+                np.load(file, allow_pickle=False) as archive,
+            ):
                 stored = {name: archive[name] for name in archive.files}
-            field = cls(
-                tuple(stored["shape"].tolist()), float(stored["spacing"]),
-                float(stored["wave_speed"]), float(stored["damping"]), str(stored["stencil"]),  # type: ignore[arg-type]
-                str(stored["boundary"]), centre=tuple(stored["centre"].tolist()),  # type: ignore[arg-type]
-                land=stored.get("land"),
-            )  # fmt: skip
-            field._water.z[...] = stored["z"]
-            field._water.prev[...] = stored["prev"]
-            field._water.last_timestep = float(stored["last_timestep"])
+            numbers: dict[str, Any] = {
+                name: float(stored[name])
+                for name in ("spacing", "wave_speed", "damping", "sleep_amplitude")
+            }
+            centre = tuple(stored["centre"].tolist())
+            mask = stored.get("terrain_mask")
+            if mask is not None and mask.shape == (0,) and terrain_mask is None:
+                raise ValueError("its terrain_mask was a function: give it to load() again")
+            if not stored["shape"].size:
+                field = cls.endless(**numbers, centre=centre, terrain_mask=terrain_mask)
+            else:
+                field = cls(
+                    tuple(stored["shape"].tolist()), **numbers, centre=centre,
+                    stencil=str(stored["stencil"]), boundary=str(stored["boundary"]),  # type: ignore[arg-type]
+                    terrain_mask=mask,
+                )  # fmt: skip
+            field.grid.restore(stored)
             field.time = float(stored["time"])
         except (OSError, KeyError, TypeError, ValueError, EOFError, BadZipFile) as problem:
             raise ValueError(
                 f"{path} holds no water surface ({problem}): give a file that HeightField.save wrote"
             ) from problem
         return field
+
+
+def _checked_shape(shape: tuple[int, int]) -> tuple[int, int]:
+    """Two whole numbers of at least 3."""
+    try:
+        nx, ny = (int(n) for n in shape)
+        if (nx, ny) == tuple(shape) and min(nx, ny) >= 3:
+            return nx, ny
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise fault("shape", shape, "give two whole numbers of at least 3, (cells x, cells y)")
+
+
+def _finite(name: str, values: npt.ArrayLike) -> Array:
+    """An array of finite real numbers."""
+    try:
+        found = np.asarray(values)
+        if not np.iscomplexobj(found):
+            found = found.astype(np.float64)
+            if np.isfinite(found).all():
+                return found
+    except (TypeError, ValueError):
+        pass
+    raise fault(name, values, "give finite numbers")

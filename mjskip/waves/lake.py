@@ -8,8 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from mjskip.waves import FloatArray, SurfaceArray, SurfaceSample
-from mjskip.waves import _tile_kernels as tiles
+from mjskip.waves import _lake_kernels as tiles
 from mjskip.waves import _wave_kernels as kernels
 from mjskip.waves._grid import (
     checked_finite,
@@ -25,7 +24,8 @@ from mjskip.waves._stencil import (
     reach_of,
     steps_for,
 )
-from mjskip.waves.dense import Head, round_head
+from mjskip.waves.dense import FloatArray, Head, SurfaceArray, round_head
+from mjskip.waves.field import SurfaceSample
 from mjskip.waves.tiled import TILE, Shore, TiledWater
 
 

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from mjskip.waves import FloatArray
-from mjskip.waves import _tile_kernels as tiles
+from mjskip.waves import _lake_kernels as tiles
 from mjskip.waves._stencil import NARROWEST_LOAD, reach_of
+from mjskip.waves.dense import FloatArray
 from mjskip.waves.lake import Lake
 from mjskip.waves.tiled import TILE
 

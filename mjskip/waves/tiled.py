@@ -7,12 +7,17 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip.errors import MjskipError
-from mjskip.waves import SurfaceArray
-from mjskip.waves import _tile_kernels as tiles
+from mjskip.waves import _lake_kernels as tiles
 from mjskip.waves import _wave_kernels as kernels
 from mjskip.waves._grid import APART, aligned_zeros, free_memory
-from mjskip.waves._stencil import COURANT_LIMITS, WEIGHTS, calming, coefficients, same_step
-from mjskip.waves.dense import Head
+from mjskip.waves._stencil import (
+    COURANT_LIMITS,
+    WEIGHTS,
+    coefficients,
+    same_step,
+    step_change_filter,
+)
+from mjskip.waves.dense import Head, SurfaceArray
 
 TILE = tiles.TILE
 STEPS_BETWEEN_BEDTIMES = 16
@@ -195,7 +200,7 @@ class TiledWater:
         self.z, self.prev = self._spare
         used = np.s_[: self.used]
         np.subtract(level[used], before[used], out=self.z[used])
-        calm = math.sqrt(calming(t0, t1)) * COURANT_LIMITS["nine_point"] ** 2 / 4.0
+        calm = math.sqrt(step_change_filter(t0, t1)) * COURANT_LIMITS["nine_point"] ** 2 / 4.0
         for a in (calm, -calm):
             self._sweep(0.0, a)
             self.z, self.prev = self.prev, self.z

@@ -31,9 +31,9 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip.errors import MjskipWarning
-from mjskip.hydro import _wrench_kernels as kernels
-from mjskip.hydro.wrench import immersion_address, observe, wrench_address
-from mjskip.waves import _tile_kernels as tiles
+from mjskip.hydro import _block as kernels
+from mjskip.hydro.wrench import immersion_address, wrench_address, wrench_and_immersion
+from mjskip.waves import _lake_kernels as tiles
 from mjskip.waves._grid import free_memory
 from mjskip.waves._stencil import SAFE_FRACTION
 from mjskip.waves.dense import Head
@@ -43,7 +43,7 @@ from mjskip.waves.ride import Ride
 Array = npt.NDArray[np.float64]
 
 Hop = tuple[int, Array]
-"""Address of what steps an engine of one stone, and its context: see `mjskip.rigid._rigid_kernels.hop`."""
+"""Address of what steps an engine of one stone, and its context: see `mjskip.coupling._free_joint_kernels.hop`."""
 
 MERGE_AFTER = 0.010
 """Dry time after which a touch is over and its waves are the lake's [s]."""
@@ -137,7 +137,7 @@ class MovingSurface:
             states: (1, 18) by name.
 
         Returns:
-            (1, 17) by name, as `mjskip.hydro.wrench.observe`.
+            (1, 17) by name, as `mjskip.hydro.wrench.wrench_and_immersion`.
         """
         return {name: stone.look(states[name]) for name, stone in self._stones.items()}
 
@@ -380,9 +380,9 @@ class _Stone:
         self.state = states[0].tolist()
         self.felt.clear()
         self.block[kernels.SURFACE] = 0.0  # still water
-        seen = observe(self.block, states)
+        seen = wrench_and_immersion(self.block, states)
         if seen[0, 16] < self.reach() and self._copy_patch():
-            seen = observe(self.block, states)
+            seen = wrench_and_immersion(self.block, states)
         self.seen = seen[0].tolist()
         return seen
 

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from mjskip.waves._grid import checked_finite, checked_number
-from mjskip.waves.dense import FloatArray
+from mjskip._typing import Array
+from mjskip.checks import check_count, check_number, check_positive
 
 
 def wind_waves(
@@ -21,7 +21,7 @@ def wind_waves(
     seed: int = 0,
     waves: int = 48,
     periodic: bool = False,
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[Array, Array]:
     """Elevation and vertical speed of travelling waves, for `HeightField.set`.
 
     z = sum a cos(k . x - c |k| t + phase) at t = 0: each runs at c, as the surface's own equation
@@ -44,12 +44,11 @@ def wind_waves(
     Raises:
         ValueError: a number is out of range.
     """
-    checked_finite("m or rad", height=height, direction=direction)
-    checked_number("wave_speed", wave_speed, "m/s", positive=True)
-    checked_number("wavelength", wavelength, "m", positive=True)
-    checked_number("spread", spread, "rad")
-    if waves < 1:
-        raise ValueError(f"waves is {waves!r}: give at least 1")
+    height = check_number("height", height, low=0.0, unit="m")
+    direction = check_number("direction", direction, unit="rad")
+    spread = check_number("spread", spread, low=0.0, unit="rad")
+    check_positive(wave_speed=wave_speed, wavelength=wavelength)
+    waves = check_count("waves", waves)
     x, y = np.asarray(x, np.float64), np.asarray(y, np.float64)
     rng = np.random.default_rng(seed)
     headings = direction + spread * rng.standard_normal(waves)

@@ -87,7 +87,7 @@ def touch(
         stone,
         throw,
         water=Water(air_density=0.0, **water),
-        method=method,
+        integrator=method,
         timestep=timestep,
         frozen_attitude=frozen,
         limits=Limits(duration=longest + 0.02, max_contact=longest, min_airtime=LEFT),

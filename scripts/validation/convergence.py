@@ -77,7 +77,7 @@ def exit_velocity(body: Stone, throw: Throw, method: str, timestep: float) -> An
             body,
             throw,
             water=Water(air_density=0.0),
-            method=method,  # type: ignore[arg-type]
+            integrator=method,  # type: ignore[arg-type]
             timestep=timestep,
             limits=Limits(duration=0.12, min_airtime=LEFT),
         ).contacts[0]

@@ -61,7 +61,7 @@ def throw(
         stone,
         Throw.from_degrees(speed=speed, spin=spin, attack=20.0, descent=20.0, height=0.0),
         water=Water(air_density=0.0, gate=gate),  # type: ignore[arg-type]
-        method=method,  # type: ignore[arg-type]
+        integrator=method,  # type: ignore[arg-type]
         timestep=timestep,
         frozen_attitude=frozen,
         limits=Limits(duration=0.4, max_contact=0.3, min_airtime=airtime),

@@ -49,7 +49,7 @@ def plane_wave(stencil: str, wavelength: float, diagonal: bool, damping: float =
     shape = (
         np.cos(phase[:, None] + phase[None, :]) if diagonal else np.cos(phase)[:, None] * np.ones(8)
     )
-    field.elevation[...] = (1e-3 * shape).astype(np.float32)
+    field.set(1e-3 * shape)
     actual = size / waves / (math.sqrt(2.0) if diagonal else 1.0)
     return field, shape, actual * SPACING
 
@@ -94,7 +94,7 @@ def stays(stencil: str, courant: float, damping: float, steps: int = 2000) -> bo
     """Whether the field carries a millimetre of noise without growth (a step within its limit)."""
     field = HeightField((48, 48), SPACING, SPEED, damping, stencil, threads=1)  # type: ignore[arg-type]
     rng = np.random.default_rng(0)
-    field.elevation[...] = 1e-3 * rng.standard_normal((48, 48)).astype(np.float32)
+    field.set(1e-3 * rng.standard_normal((48, 48)))
     for _ in range(steps):
         field.step(courant * SPACING / SPEED)
     return bool(np.abs(field.elevation).max() < 0.1)

@@ -1,0 +1,137 @@
+"""How the trees of a model float: `float_at_rest`."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from mjskip._typing import Array
+from mjskip.coupling.attach import Coupling
+from mjskip.coupling.bodies import body_name, find_body, free_bodies
+from mjskip.coupling.selection import BodyRule, GeomRule
+from mjskip.coupling.wet import HullOptions, Interior
+from mjskip.errors import MjskipWarning, SceneError
+from mjskip.hydro import hydrostatics
+from mjskip.hydro.hydrostatics import Flotation
+from mjskip.hydro.water import Water
+from mjskip.rigid.attitude import matrices, quaternions
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelFlotation(Flotation):
+    """A free tree of a model at rest in still water, its joints as they are.
+
+    Attributes:
+        body: name of the tree's root.
+        qpos: of the whole model (nq,), the tree afloat and all else as it was.
+    """
+
+    body: str
+    qpos: Array
+
+
+def float_at_rest(
+    model: mujoco.MjModel,
+    data: mujoco.MjData | None = None,
+    *,
+    water: Water | None = None,
+    body: str | int | None = None,
+    bodies: BodyRule = None,
+    geoms: GeomRule = None,
+    interior: Interior = "flooded",
+    max_faces: int = HullOptions.max_faces,
+) -> ModelFlotation:
+    """Draft, trim and heel at which a free tree of a model floats, its joints held.
+
+    The equilibrium is the one that it comes to from its attitude: least potential energy nearby. Overlaps between
+    bodies across a joint bear twice, as they do in the simulation.
+
+    Args:
+        model: compiled model.
+        data: pose to begin from, of the joints too; `qpos0` if None. It is not altered.
+        water: the fluid, for its density.
+        body: any body of the tree; the first free body's if None.
+        bodies, geoms, interior, max_faces: see `mjskip.attach`.
+
+    Raises:
+        SinksError: the tree is too heavy to float.
+        SceneError: no free tree has that body.
+    """
+    water = Water.floating() if water is None else water
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", MjskipWarning)
+        coupling = Coupling(
+            model,
+            data,
+            water,
+            bodies=bodies,
+            geoms=geoms,
+            options=HullOptions(interior=interior, max_faces=max_faces),
+            native=True,
+        )
+    return flotation_of(coupling, data, body)
+
+
+def flotation_of(
+    coupling: Coupling, data: mujoco.MjData | None = None, body: str | int | None = None
+) -> ModelFlotation:
+    """The same for bodies that are coupled already."""
+    model = coupling.model
+    own = mujoco.MjData(model)
+    if data is not None:
+        own.qpos[:] = data.qpos
+    mujoco.mj_kinematics(model, own)
+    mujoco.mj_comPos(model, own)
+    free = free_bodies(model)
+    if body is None:
+        wet = {int(model.body_rootid[b]) for b in coupling.bodies}
+        root = next((b for b in free if b in wet), None)
+    else:
+        number = find_body(model, body) if isinstance(body, str) else int(body)
+        root = int(model.body_rootid[number])
+    if root is None or root not in free:
+        raise SceneError(
+            "only what has a free joint floats: name a body of a tree whose root has one"
+        )
+    triangles = coupling.triangles(own, root)
+    centre = np.array(own.subtree_com[root])
+    found = hydrostatics.float_at_rest(
+        triangles,
+        mass=float(model.body_subtreemass[root]),
+        centre_of_mass=centre,
+        density=coupling.water.density,
+    )
+    address = int(model.jnt_qposadr[model.body_jntadr[root]])
+    qpos = np.array(own.qpos)
+    start = np.array(qpos[address : address + 3])
+    rotation = matrices(qpos[address + 3 : address + 7])
+    placed = found.rotation @ (start - centre) + [centre[0], centre[1], found.centre_of_mass]
+    qpos[address : address + 3] = placed
+    turned = found.rotation @ rotation
+    qpos[address + 3 : address + 7] = quaternions(turned[None])[0]
+    trim, heel = hydrostatics.trim_and_heel(turned)
+    return ModelFlotation(
+        draft=found.draft,
+        trim=trim,
+        heel=heel,
+        rotation=turned,
+        centre_of_mass=found.centre_of_mass,
+        hydrostatics=coupling_hydrostatics(coupling, qpos, root),
+        body=body_name(model, root),
+        qpos=qpos,
+    )
+
+
+def coupling_hydrostatics(
+    coupling: Coupling, qpos: Sequence[float] | Array, root: int
+) -> hydrostatics.Hydrostatics:
+    """Hydrostatics of a tree in a pose."""
+    data = mujoco.MjData(coupling.model)
+    data.qpos[:] = qpos
+    mujoco.mj_kinematics(coupling.model, data)
+    mujoco.mj_comPos(coupling.model, data)
+    return coupling.hydrostatics(data, root)

@@ -1,0 +1,150 @@
+"""One simulation, or many in a `mujoco.batch.Batch`, behind one face: arrays with a row for each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+Rows = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
+
+DIVERGED = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADQACC) + 1)
+"""Counters of positions, velocities and accelerations that were not finite."""
+
+
+class Simulation(Protocol):
+    """Attributes are live (count, ...) arrays: writing one changes the state."""
+
+    count: int
+    qpos: Any
+    qvel: Any
+    ctrl: Any
+    eq_active: Any
+
+    def begin(self, rows: Rows, models: Sequence[mujoco.MjModel]) -> None:
+        """Give these rows their models, and every state its default."""
+
+    def forward(self, rows: Rows) -> None:
+        """Work out what follows from states that were written."""
+
+    def advance(self, rows: Rows, steps: int, sensor: int) -> Flags | None:
+        """Step; whether the number at `sensor` of the sensor data was above 0 at each (rows, steps).
+
+        None if `sensor` is negative.
+        """
+
+    def lost(self, rows: Rows) -> Flags:
+        """Whether a row has diverged since it began: MuJoCo counts it, and begins it anew or stops it."""
+
+    def model(self, row: int) -> mujoco.MjModel:
+        """The model of one row."""
+
+    def data(self, row: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
+        """Model and data of one row, for drawing."""
+
+
+class Single:
+    """One simulation."""
+
+    count = 1
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self._load(model)
+
+    def _load(self, model: mujoco.MjModel) -> None:
+        self._model, self._data = model, mujoco.MjData(model)
+        data = self._data
+        self.qpos, self.qvel, self.ctrl = data.qpos[None], data.qvel[None], data.ctrl[None]
+        self.eq_active = data.eq_active[None]
+        self._sensors, self._warnings = data.sensordata, data.warning.number[DIVERGED]
+
+    def begin(self, rows: Rows, models: Sequence[mujoco.MjModel]) -> None:
+        """Give it its model, and its state the default."""
+        if models[0] is not self._model:
+            self._load(models[0])
+        mujoco.mj_resetData(self._model, self._data)
+
+    def forward(self, rows: Rows) -> None:
+        """Work out what follows from the state."""
+        mujoco.mj_forward(self._model, self._data)
+
+    def advance(self, rows: Rows, steps: int, sensor: int) -> Flags | None:
+        """Step; see `Simulation`."""
+        model, data = self._model, self._data
+        if sensor < 0:
+            mujoco.mj_step(model, data, steps)
+            return None
+        above = np.empty((1, steps), np.bool_)
+        sensors, step = self._sensors, mujoco.mj_step
+        for k in range(steps):
+            step(model, data)
+            above[0, k] = sensors[sensor] > 0.0
+        return above
+
+    def lost(self, rows: Rows) -> Flags:
+        """Whether it diverged."""
+        return np.array([self._warnings.any()])
+
+    def model(self, row: int) -> mujoco.MjModel:
+        """The model."""
+        return self._model
+
+    def data(self, row: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
+        """Model and data."""
+        return self._model, self._data
+
+
+class Many:
+    """A `mujoco.batch.Batch`: each row is bit for bit what `Single` makes of it."""
+
+    def __init__(self, model: mujoco.MjModel, count: int, threads: int) -> None:
+        from mujoco.batch import Batch
+
+        self.count = count
+        self._batch = Batch(model, nsim=count, nthread=threads)
+        self._models: list[mujoco.MjModel] = [model] * count
+        batch = self._batch
+        self.qpos, self.qvel, self.ctrl = batch.qpos, batch.qvel, batch.ctrl
+        self.eq_active = batch.eq_active
+        self._warnings = batch.warning[:, DIVERGED, 1]
+
+    def begin(self, rows: Rows, models: Sequence[mujoco.MjModel]) -> None:
+        """Give these rows their models, and every state its default."""
+        changed = [(r, m) for r, m in zip(rows, models, strict=True) if m is not self._models[r]]
+        if changed:
+            for row, model in changed:
+                self._models[row] = model
+            self._batch.set_models(self._models)
+        self._batch.reset(rows, stage=mujoco.mjtStage.mjSTAGE_NONE)
+
+    def forward(self, rows: Rows) -> None:
+        """Work out what follows from states that were written."""
+        self._batch.forward(rows)
+
+    def advance(self, rows: Rows, steps: int, sensor: int) -> Flags | None:
+        """Step; see `Simulation`."""
+        ids = None if len(rows) == self.count else rows
+        if sensor < 0:
+            self._batch.step(ids, nstep=steps)
+            return None
+        recorded = self._batch.rollout(steps, record=("sensordata",), ids=ids)
+        return np.asarray(recorded["sensordata"][:, :, sensor] > 0.0)
+
+    def lost(self, rows: Rows) -> Flags:
+        """Whether a row diverged."""
+        return np.asarray(self._warnings[rows].any(axis=1))
+
+    def model(self, row: int) -> mujoco.MjModel:
+        """The model of one row."""
+        return self._models[row]
+
+    def data(self, row: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
+        """Model and data of one row, for drawing."""
+        model, data = self._models[row], mujoco.MjData(self._models[row])
+        self._batch.get_data(row, data)
+        mujoco.mj_forward(model, data)
+        return model, data

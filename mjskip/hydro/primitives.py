@@ -1,0 +1,125 @@
+"""Round solids by few faces: vertices stand a little outside, so that the volume is exact.
+
+Every one has the mirror planes of its solid, so that what lies straight in the water is not turned by its mesh.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from mjskip._typing import Array
+
+RESOLUTION = 12
+"""Segments around a circle unless told otherwise; multiples of 4 keep every mirror plane."""
+
+
+def box(size: npt.ArrayLike) -> Any:
+    """A box of half lengths (3,) [m], 24 faces: every side is four triangles about its middle."""
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float64)
+    middles = np.array([[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]])
+    around = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    faces = [
+        [8 + side, ring[k], ring[(k + 1) % 4]] for side, ring in enumerate(around) for k in range(4)
+    ]
+    vertices = np.vstack([corners, middles]) * np.asarray(size, np.float64)
+    return _mesh(vertices, faces)
+
+
+def ellipsoid(size: npt.ArrayLike, resolution: int = RESOLUTION) -> Any:
+    """An ellipsoid of half axes (3,) [m]: an octahedron whose faces are divided, 8 (resolution / 4 + 1)^2 faces."""
+    n = max(2, round(resolution / 4.0) + 1)
+    vertices, faces = _octasphere(n)
+    mesh = _mesh(vertices, faces)
+    grow = (4.0 / 3.0 * math.pi / mesh.volume) ** (1.0 / 3.0)
+    return _mesh(vertices * grow * np.asarray(size), faces)
+
+
+def _octasphere(n: int) -> tuple[Array, npt.NDArray[np.int64]]:
+    """Unit sphere: every face of an octahedron divided into n^2, even in angle along the edges."""
+    points: list[Array] = []
+    faces: list[list[int]] = []
+    for sx, sy, sz in ((x, y, z) for x in (1, -1) for y in (1, -1) for z in (1, -1)):
+        first = len(points)
+        number: dict[tuple[int, int], int] = {}
+        for i in range(n + 1):
+            for j in range(n + 1 - i):
+                k = n - i - j
+                a = np.sin(0.5 * np.pi * np.array([i, j, k]) / n)
+                number[i, j] = first + len(number)
+                points.append(a / np.linalg.norm(a) * [sx, sy, sz])
+        for i in range(n):
+            for j in range(n - i):
+                triangles = [(number[i, j], number[i + 1, j], number[i, j + 1])]
+                if i + j < n - 1:
+                    triangles.append((number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]))
+                faces += [list(t if sx * sy * sz > 0 else t[::-1]) for t in triangles]
+    mesh = _mesh(np.array(points), faces)
+    mesh.merge_vertices()
+    return np.array(mesh.vertices), np.array(mesh.faces)
+
+
+def cylinder(radius: float, half_length: float, resolution: int = RESOLUTION) -> Any:
+    """A cylinder along z [m]: 6 faces a segment."""
+    n = max(3, resolution)
+    grow = math.sqrt(math.pi / (0.5 * n * math.sin(2.0 * math.pi / n)))
+    return _revolved([(0.0, half_length), (grow * radius, half_length), (grow * radius, 0.0)], n)
+
+
+def capsule(radius: float, half_length: float, resolution: int = RESOLUTION) -> Any:
+    """A capsule along z, `half_length` to the centres of its caps [m]: some 14 faces a segment."""
+    n = max(4, resolution)
+    rings = max(2, round(n / 4.0))
+    turns = 0.5 * np.pi * np.arange(rings) / rings
+
+    def grown(grow: float) -> Any:
+        r = grow * radius
+        upper = [(r * math.sin(t), half_length + r * math.cos(t)) for t in turns]
+        shoulder = [(r, half_length)] if half_length > 0.0 else []
+        return _revolved([*upper, *shoulder, (r, 0.0)], n)
+
+    volume = math.pi * radius**2 * (2.0 * half_length + 4.0 / 3.0 * radius)
+    grow = 1.0
+    for _ in range(60):  # the volume is a grow^2 + b grow^3: Newton with the round one's slope
+        slope = math.pi * radius**2 * (4.0 * half_length * grow + 4.0 * radius * grow**2)
+        step = (volume - float(grown(grow).volume)) / slope
+        grow += step
+        if abs(step) < 1e-15:
+            break
+    return grown(grow)
+
+
+def _revolved(profile: Sequence[tuple[float, float]], segments: int) -> Any:
+    """Body of revolution, the same above and below: (radius, height) from the apex to the middle.
+
+    Neighbouring quadrangles are divided along opposite diagonals.
+    """
+    turn = 2.0 * np.pi * np.arange(segments) / segments
+    rim = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(segments)])
+    rings = [rim * r + [0.0, 0.0, z] for r, z in profile[1:]]
+    vertices = np.vstack([*rings, [[0.0, 0.0, profile[0][1]]]])
+    here = np.arange(segments)
+    after = np.roll(here, -1)
+    faces = [np.column_stack([np.full(segments, len(rings) * segments), here, after])]
+    even = (here % 2 == 0)[:, None]
+    for k in range(len(rings) - 1):
+        a, b = k * segments + here, k * segments + after
+        c, d = a + segments, b + segments
+        first = np.where(even, np.column_stack([a, c, d]), np.column_stack([a, c, b]))
+        second = np.where(even, np.column_stack([a, d, b]), np.column_stack([b, c, d]))
+        faces += [first, second]
+    upper = np.vstack(faces)
+    lower = vertices * [1.0, 1.0, -1.0]
+    mesh = _mesh(np.vstack([vertices, lower]), np.vstack([upper, upper[:, ::-1] + len(vertices)]))
+    mesh.merge_vertices()
+    return mesh
+
+
+def _mesh(vertices: Any, faces: Any) -> Any:
+    import trimesh  # half a second that a command's help does not need
+
+    return trimesh.Trimesh(vertices, faces, process=False)
