@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     from mjskip.coupling.attach import attach as attach
     from mjskip.coupling.flotation import float_at_rest as float_at_rest
     from mjskip.coupling.plugin import register_plugin as register_plugin
+    from mjskip.draw.appearance import WaterAppearance as WaterAppearance
     from mjskip.draw.render import render_video as render_video
+    from mjskip.draw.renderer import Renderer as Renderer
     from mjskip.hydro.hull import Hull as Hull
     from mjskip.hydro.laws import LAWS as LAWS
     from mjskip.hydro.stone import Stone as Stone
@@ -38,8 +40,9 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = [
-    "LAWS", "Contact", "Coupling", "HeightField", "Hull", "Lake", "Limits", "Scene", "Stone", "Throw", "Trajectory", "Water",
-    "attach", "errors", "float_at_rest", "integrate", "load_scene", "optimize", "register_plugin", "render_video",
+    "LAWS", "Contact", "Coupling", "HeightField", "Hull", "Lake", "Limits", "Renderer", "Scene", "Stone", "Throw",
+    "Trajectory", "Water", "WaterAppearance", "attach", "errors", "float_at_rest", "integrate", "load_scene",
+    "optimize", "register_plugin", "render_video",
     "simulate", "simulate_all", "sweep", "wrench",
 ]  # fmt: skip
 
@@ -47,7 +50,9 @@ _WHERE = {
     "coupling.attach": ["Coupling", "attach"],
     "coupling.flotation": ["float_at_rest"],
     "coupling.plugin": ["register_plugin"],
+    "draw.appearance": ["WaterAppearance"],
     "draw.render": ["render_video"],
+    "draw.renderer": ["Renderer"],
     "hydro.hull": ["Hull"],
     "hydro.laws": ["LAWS"],
     "hydro.stone": ["Stone"],

@@ -7,7 +7,12 @@ import pytest
 import trimesh
 
 from mjskip import Limits, Stone, Throw, Water, integrate
+from mjskip.rigid._rigid_kernels import derivative
+from mjskip.rigid.attitude import matrices
+from mjskip.sweeps import _batch_kernels as kernels
+from mjskip.sweeps import batch
 from mjskip.sweeps.batch import Outcomes, throw_all
+from mjskip.throws.reference import start_of
 from mjskip.throws.trajectory import ENDS
 
 GRAVITY = 9.81
@@ -191,3 +196,42 @@ def test_bad_arguments_are_refused_with_what_is_allowed():
         throw_all(PEBBLE, [Throw()], timestep=0.0)
     with pytest.raises(ValueError, match="2 of stone for 1 throws"):
         throw_all([PEBBLE, PEBBLE], [Throw()])
+
+
+def row_of(stone, throw):
+    """A stone's row for the kernels, and x, q, P, L, state and slopes as it leaves the hand."""
+    table = batch._Table([stone], [Water(air_density=0)], np.array([0.0, 0.0, -GRAVITY]), False)
+    y = start_of(stone, throw.state(stone))
+    state, load, slopes = np.empty(18), np.empty(12), np.empty((kernels.STAGES, y.size))
+    derivative(table.bodies[0], y, state, load, slopes[0])
+    return table, y, state, slopes
+
+
+@pytest.mark.parametrize(("attack", "wobble"), [(10, 1.5), (25, 0.8), (5, 0.0), (-15, -2.0)])
+def test_a_wobbling_stone_reaches_as_far_below_its_centre_as_is_said_and_no_farther(attack, wobble):
+    """The axis is on a cone about L, which is tilted itself: the rim is lowest where both add up."""
+    stone = Stone.disc(0.05, 0.01, segments=360)
+    throw = Throw.from_degrees(attack=attack, bank=0, spin=6, wobble=wobble)
+    table, y, state, _ = row_of(stone, throw)
+    said = kernels.reach_below(table.bodies[0], y, state)
+    turned, seen = y.copy(), []
+    for time in np.linspace(0.0, 1.0, 4001):
+        kernels.free_rotation(table.bodies[0], y, state, time, turned)
+        seen.append(-(stone.vertices @ matrices(turned[3:7])[2]).min())
+    assert max(seen) <= said
+    assert max(seen) == pytest.approx(said, rel=1e-3)  # the rim has 360 corners
+
+
+def test_a_long_step_stays_above_the_floor_however_long_it_may_be():
+    """Without air the error of a step is nothing: only the floor ends it."""
+    throw = Throw.from_degrees(speed=5, descent=30, height=1.0)
+    table, y, state, slopes = row_of(PEBBLE, throw)
+    rules = np.zeros(kernels.RULES)
+    rules[kernels.TIMESTEP], rules[kernels.AIR_TOLERANCE] = 1e-4, 1e-8
+    work, out = np.empty((kernels.WORK, 18)), np.empty(y.size)
+    work[kernels.HERE] = state
+    floor = y[2] - 0.5
+    length = kernels.air_step(table.bodies[0], rules, y, slopes, 2.0, floor, work, out)
+    lands = (math.sqrt(2.5**2 + 2 * GRAVITY * 0.5) - 2.5) / GRAVITY
+    assert 0.25 * lands < length < lands
+    assert floor < out[2] < y[2]

@@ -12,7 +12,7 @@ from mjskip.cli import cli
 from mjskip.sweeps.optimize import GOOD, optimize
 
 PEBBLE = Stone.pebble()
-QUICK = {"population": 12, "generations": 8, "members": 4, "run_limits": Limits(duration=0.6)}
+QUICK = {"population": 12, "generations": 8, "members": 4, "limits": Limits(duration=0.6)}
 BOX = {"speed": (6.0, 10.0), "attack": (0.1, 0.6), "descent": (0.05, 0.3)}
 
 
@@ -21,7 +21,7 @@ def test_without_air_and_water_the_longest_way_is_the_longest_parabola():
     best = optimize(
         PEBBLE, {"speed": (5.0, 10.0), "descent": (-1.2, 0.0)}, goal="distance", scatter={},
         throw=Throw(height=0.0, attack=0.0, spin=0.0), water=Water(density=0.0, air_density=0.0),
-        run_limits=Limits(duration=2.0, sink_depth=1e-3, max_contact=1e-3), timestep=1e-3,
+        limits=Limits(duration=2.0, sink_depth=1e-3, max_contact=1e-3), timestep=1e-3,
         population=20, generations=60, members=1,
     )  # fmt: skip
     # thrown from the ground it comes down after 2 v sin / g: the way is v^2 sin(2 angle) / g, best at 45;
@@ -76,13 +76,13 @@ def test_a_hand_that_strays_is_told_less_than_a_perfect_one():
 @pytest.mark.parametrize(
     ("limits", "options", "says"),
     [
-        ({}, {}, "no limits"),
-        ({"radius": (0.1, 0.2)}, {}, "no parameter 'radius'"),
+        ({}, {}, r"ranges is \{\}: say what the thrower can do"),
+        ({"radius": (0.1, 0.2)}, {}, "a parameter of ranges is .radius."),
         ({"speed": (9.0, 5.0)}, {}, "lower end first"),
         ({"speed": (-9.0, 5.0)}, {}, "speed is -9"),
         ({"speed": (5.0, 9.0)}, {"goal": "glory"}, "goal is 'glory'"),
         ({"speed": (5.0, 9.0)}, {"members": 0}, "members is 0"),
-        ({"speed": (5.0, 9.0)}, {"scatter": {"mass": 1.0}}, "no parameter 'mass'"),
+        ({"speed": (5.0, 9.0)}, {"scatter": {"mass": 1.0}}, "a parameter of scatter is .mass."),
     ],
 )
 def test_limits_that_cannot_be_are_refused(limits, options, says):

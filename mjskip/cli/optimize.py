@@ -68,7 +68,7 @@ def optimize(
     """Find the throw of SCENE's stone with most skips, or the longest way, for a hand that strays."""
     if perfect and scatter:
         raise click.UsageError("--perfect and --scatter exclude each other")
-    box = dict(pair(text) for text in limits)
+    ranges = dict(pair(text) for text in limits)
     hand = {} if perfect else dict(number(text) for text in scatter) or None
     with err.status("preparing: the first run on a machine compiles for some seconds"):
         scene = chosen_scene(**throw)
@@ -76,7 +76,7 @@ def optimize(
     with bar("generations") as progress:
         best = search(
             scene.stone,
-            box,
+            ranges,
             goal=goal,
             throw=scene.throw,
             water=scene.water,
@@ -85,7 +85,7 @@ def optimize(
             population=population,
             generations=generations,
             timestep=timestep or float(scene.model.opt.timestep),
-            run_limits=Limits(duration=duration),
+            limits=Limits(duration=duration),
             threads=threads,
             seed=seed,
             progress=progress,
@@ -95,7 +95,7 @@ def optimize(
         click.echo(json.dumps(report(best, seconds)))
         return
     unit = "" if goal == "skips" else " m"
-    out.print("aim for  " + ", ".join(shown_pair(name, best) for name in box))
+    out.print("aim for  " + ", ".join(shown_pair(name, best) for name in ranges))
     out.print(
         f"[bold green]{best.mean:.3g}{unit} {goal} on average[/], spread {best.deviation:.2g}; one in ten "
         f"does no better than {best.tenth:.3g}\n[dim]exactly as aimed: {best.aimed:.3g}; the ensemble that "

@@ -108,6 +108,72 @@ def fill_skin(
 
 
 @kernel
+def fill_surface(
+    elevation: SingleArray, border: int, stride: int, spacing: float, block: int,
+    heights: SingleArray, bends: SingleArray, tallest: SingleArray,
+) -> None:  # fmt: skip
+    """A field as the water's shaders read it: with a border in which it fades into still water.
+
+    Args:
+        elevation: (nx, ny) [m].
+        border: cells around it.
+        stride: of the Laplacian's difference [cells].
+        spacing: side of a cell [m].
+        block: cells a side of blocks.
+        heights: out (nx + 2 border, ny + 2 border) [m].
+        bends: out, Laplacians there [1/m].
+        tallest: out, greatest height or depth in each block of heights and the eight around it [m].
+    """
+    nx, ny = elevation.shape
+    wide, high = heights.shape
+    scale = np.float32(1.0 / (stride * spacing) ** 2)
+    kept = (0.5 + 0.5 * np.cos(np.pi * np.arange(border + 1) / border)).astype(np.float32)
+    mean = np.empty(ny, np.float32)
+    sixth = np.float32(1.0 / 6.0)
+    tallest[:] = 0.0
+    for i in range(wide):
+        a = min(max(i - border, 0), nx - 1)
+        off = abs(i - border - a)
+        share = kept[off]
+        here, out, bend = elevation[a], heights[i], bends[i]
+        for j in range(border):
+            out[j] = share * kept[border - j] * here[0]
+            out[high - 1 - j] = share * kept[border - j] * here[ny - 1]
+        # weights (1, 4, 1) / 6 both ways: the means that cubic B-splines take, without creases between cells
+        row_before, row_after = elevation[max(a - 1, 0)], elevation[min(a + 1, nx - 1)]
+        for j in range(ny):
+            mean[j] = share * (row_before[j] + row_after[j] + np.float32(4.0) * here[j]) * sixth
+        out[border], out[border + ny - 1] = mean[0], mean[ny - 1]
+        for j in range(1, ny - 1):
+            out[border + j] = (mean[j - 1] + mean[j + 1] + np.float32(4.0) * mean[j]) * sixth
+        for j in range(high):
+            bend[j] = 0.0
+        if off == 0 and stride <= a < nx - stride:
+            before, after = elevation[a - stride], elevation[a + stride]
+            for j in range(stride, ny - stride):
+                bend[border + j] = scale * (
+                    before[j] + after[j] + here[j - stride] + here[j + stride]
+                    - np.float32(4.0) * here[j]
+                )  # fmt: skip
+        row = i // block
+        for column in range(tallest.shape[1]):
+            most = np.float32(0.0)
+            for j in range(column * block, min((column + 1) * block, high)):
+                most = max(most, abs(out[j]))
+            tallest[row, column] = max(tallest[row, column], most)
+    # the greatest of three blocks, along one axis and then along the other
+    for axis in range(2):
+        blocks = tallest if axis == 0 else tallest.T
+        for row in range(blocks.shape[0]):
+            before = np.float32(0.0)
+            for column in range(blocks.shape[1]):
+                here_now = blocks[row, column]
+                after = blocks[row, min(column + 1, blocks.shape[1] - 1)]
+                blocks[row, column] = max(max(before, here_now), after)
+                before = here_now
+
+
+@kernel
 def stroke(
     cover: SingleArray, x0: float, y0: float, x1: float, y1: float, radius: float, strength: float
 ) -> None:

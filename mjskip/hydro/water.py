@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, fields
-from typing import Any, Literal, get_args
+from dataclasses import dataclass
+from typing import Literal, get_args
 
+from mjskip.checks import check_choice, check_number, check_switch
 from mjskip.hydro.laws import LAWS
 
 Gate = Literal["centre", "local"]
@@ -30,8 +30,8 @@ class Water:
         law: name of the force on an immersed face, a key of `mjskip.hydro.laws.LAWS`.
 
     Raises:
-        ValueError: a density or the viscosity is negative or not finite, or the gate or the law is
-            unknown.
+        ValueError: a density or the viscosity is no number of at least 0, a switch neither True nor False, or
+            the gate or the law unknown.
     """
 
     density: float = 1000.0
@@ -43,28 +43,33 @@ class Water:
     viscosity: float = 1.0e-6
 
     @classmethod
-    def floating(cls, **changes: Any) -> Water:
-        """Water for what floats: it bears, it rubs, and it never gives energy (gate "local").
-
-        Args:
-            **changes: other fields, instead of the defaults.
-        """
-        preset: dict[str, Any] = {"buoyancy": True, "skin_friction": True, "gate": "local"}
-        return cls(**{**preset, **changes})
+    def floating(
+        cls,
+        *,
+        density: float = 1000.0,
+        air_density: float = 1.2,
+        gate: Gate = "local",
+        law: str = "lee2010",
+        buoyancy: bool = True,
+        skin_friction: bool = True,
+        viscosity: float = 1.0e-6,
+    ) -> Water:
+        """Water for what floats: it bears, it rubs, and it never gives energy (gate "local")."""
+        return cls(
+            density=density, air_density=air_density, gate=gate, law=law, buoyancy=buoyancy,
+            skin_friction=skin_friction, viscosity=viscosity,
+        )  # fmt: skip
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if field.type in (float, "float") and not (math.isfinite(value) and value >= 0.0):
-                unit = "m^2/s" if field.name == "viscosity" else "kg/m^3"
-                raise ValueError(
-                    f"{field.name} is {value!r}: give a finite number of at least 0 [{unit}]"
-                )
+        for name in ("density", "air_density", "viscosity"):
+            unit = "m^2/s" if name == "viscosity" else "kg/m^3"
+            number = check_number(name, getattr(self, name), low=0.0, unit=unit)
+            object.__setattr__(self, name, number)
+        for name in ("buoyancy", "skin_friction"):
+            object.__setattr__(self, name, check_switch(name, getattr(self, name)))
+        check_choice("gate", self.gate, GATES)
+        check_choice("law", self.law, tuple(LAWS))
         if self.skin_friction and self.viscosity == 0.0:
             raise ValueError(
                 "viscosity is 0 and skin_friction is on: give a viscosity above 0 [m^2/s]"
             )
-        if self.gate not in GATES:
-            raise ValueError(f"gate is {self.gate!r}: use one of {', '.join(GATES)}")
-        if self.law not in LAWS:
-            raise ValueError(f"law is {self.law!r}: use one of {', '.join(LAWS)}")

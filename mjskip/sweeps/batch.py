@@ -48,7 +48,7 @@ PIECE = 8
 """Throws that a thread takes at a time: some sink at once, others skip for seconds."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Outcomes:
     """What n throws did; NaN where there is nothing to say.
 
@@ -77,6 +77,9 @@ class Outcomes:
     first_exit: Array
     exit_velocity: Array
     steps: npt.NDArray[np.int64]
+
+    def __repr__(self) -> str:
+        return f"Outcomes({len(self.skips)} throws, {self.skips.sum()} skips)"
 
 
 def throw_all(

@@ -4,33 +4,36 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from mjskip._typing import Array
+from mjskip.checks import check_choice, check_count, check_mapping, check_number, fault
+from mjskip.hydro.laws import LAWS
+from mjskip.hydro.water import GATES
 from mjskip.throws import throw
 
 THROW = {name: parameter.unit for name, parameter in throw.PARAMETERS.items()}
 STONE = {"radius": "m", "thickness": "m", "mass": "kg", "stone_density": "kg m-3"}
 WATER = {"water_density": "kg m-3", "air_density": "kg m-3", "viscosity": "m2 s-1"}
 SWITCHES = ("buoyancy", "skin_friction")
-NAMED = ("gate", "law", *SWITCHES)
+NAMED = {"gate": GATES, "law": tuple(LAWS), **dict.fromkeys(SWITCHES, ("on", "off"))}
 PARAMETERS: dict[str, str] = {**THROW, **STONE, **WATER, **dict.fromkeys(NAMED, "")}
 """Everything that can be varied, with its SI unit; the named ones take words, switches on and off."""
+
+MOST = 10**7
+"""Throws of a sweep: their results fill a gigabyte."""
 
 SAMPLE, MEMBER = "sample", "member"
 
 
 def span(low: float, high: float, count: int) -> Array:
     """`count` evenly spaced values from low to high, both included."""
-    if count < 1 or not (math.isfinite(low) and math.isfinite(high)):
-        raise ValueError(
-            f"a range from {low!r} to {high!r} in {count!r} values: give finite ends and at least 1"
-        )
-    return np.linspace(low, high, count)
+    low, high = check_number("the lower end of a range", low), check_number("its upper end", high)
+    return np.linspace(low, high, check_count("the number of values of a range", count, high=MOST))
 
 
 def latin_hypercube(
@@ -105,7 +108,8 @@ class Design:
 
     def __post_init__(self) -> None:
         for part in ("axes", "samples", "scatter"):
-            given = {name: _values(part, name, v) for name, v in getattr(self, part).items()}
+            given = check_mapping(part, getattr(self, part), "give values by parameter")
+            given = {name: _values(part, name, values) for name, values in given.items()}
             object.__setattr__(self, part, given)
         twice = sorted(set(self.axes) & set(self.samples))
         if twice:
@@ -116,6 +120,8 @@ class Design:
             lengths = {name: len(v) for name, v in getattr(self, part).items()}
             if len(set(lengths.values())) > 1:
                 raise ValueError(f"{part} have different lengths ({lengths}): give them one length")
+        if self.size > MOST:
+            raise ValueError(f"the sweep has {self.size} throws: at most {MOST} are allowed")
 
     @property
     def sizes(self) -> dict[str, int]:
@@ -126,6 +132,11 @@ class Design:
         if self.scatter:
             sizes[MEMBER] = len(next(iter(self.scatter.values())))
         return sizes or {SAMPLE: 1}
+
+    @property
+    def size(self) -> int:
+        """How many throws it is."""
+        return math.prod(self.sizes.values())
 
     @property
     def varied(self) -> list[str]:
@@ -161,8 +172,14 @@ class Design:
 
 
 def _check_spread(given: Mapping[str, tuple[float, float]], count: int) -> None:
-    if not given or count < 1:
-        raise ValueError(f"{count!r} points of {len(given)} parameters: give at least 1 of each")
+    check_count("count", count, high=MOST)
+    if not given:
+        raise ValueError(f"{count} points of no parameters: give at least one")
+    for name, pair in given.items():
+        if not isinstance(pair, Sequence) or isinstance(pair, str) or len(pair) != 2:
+            raise fault(name, pair, "give two numbers")
+        for number in pair:
+            check_number(name, number)
 
 
 def _values(part: str, name: str, values: Any) -> Any:
@@ -171,13 +188,16 @@ def _values(part: str, name: str, values: Any) -> Any:
     words = name in NAMED
     if words and part != "axes":
         raise ValueError(f"{name} takes words: it can be an axis, not one of {part}")
-    if isinstance(values, str):
-        values = [values]
-    if name in SWITCHES:
-        values = [{True: "on", False: "off"}.get(v, v) for v in values]
-        if not set(values) <= {"on", "off"}:
-            raise ValueError(f"{name} is one of on, off")
-    found = np.array([str(v) for v in values]) if words else np.asarray(values, dtype=np.float64)
+    if words:
+        values = (
+            values if isinstance(values, Collection) and not isinstance(values, str) else [values]
+        )
+        values = [("off", "on")[value] if isinstance(value, bool) else value for value in values]
+        values = [check_choice(name, value, NAMED[name]) for value in values]
+    try:
+        found = np.array(values, dtype=str if words else np.float64)
+    except (TypeError, ValueError):
+        raise fault(name, values, "give a row of numbers") from None
     if found.ndim != 1 or len(found) == 0:
         raise ValueError(f"{name} has values of shape {found.shape}: give at least one, in a row")
     if not words and not np.isfinite(found).all():

@@ -4,19 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from itertools import count as count_up
 from typing import Any, Literal, get_args
 
 import numpy as np
-import numpy.typing as npt
 
+from mjskip._typing import Array, Progress
+from mjskip.checks import (
+    check_choice,
+    check_count,
+    check_mapping,
+    check_number,
+    check_type,
+    check_vector,
+    fault,
+)
 from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
-from mjskip.sweeps.batch import throw_all
-from mjskip.sweeps.design import THROW, normal
+from mjskip.sweeps.batch import Outcomes, throw_all
+from mjskip.sweeps.design import normal
 from mjskip.throws.recording import Limits
-from mjskip.throws.throw import Throw
+from mjskip.throws.throw import PARAMETERS, Throw
 
-Array = npt.NDArray[np.float64]
 Goal = Literal["skips", "distance"]
 GOALS: tuple[Goal, ...] = get_args(Goal)
 
@@ -53,7 +62,7 @@ class Neighbourhood:
     good: tuple[float, float]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Best:
     """The best throw found.
 
@@ -79,10 +88,13 @@ class Best:
     neighbourhood: Mapping[str, Neighbourhood]
     throws: int
 
+    def __repr__(self) -> str:
+        return f"Best({self.throw}, {self.goal} {self.mean:.3g} on average)"
+
 
 def optimize(
     stone: Stone,
-    limits: Mapping[str, tuple[float, float]],
+    ranges: Mapping[str, tuple[float, float]],
     *,
     goal: Goal = "skips",
     throw: Throw | None = None,
@@ -92,12 +104,12 @@ def optimize(
     population: int = 24,
     generations: int = 20,
     timestep: float = 5e-4,
-    run_limits: Limits | None = None,
+    limits: Limits | None = None,
     threads: int | None = None,
     seed: int = 0,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> Best:
-    """The throw with most skips or the longest way, within a thrower's limits.
+    """The throw with most skips or the longest way, within a thrower's ranges.
 
     Every candidate is an ensemble of throws around what is aimed for, the same scatter for all. SciPy's
     differential evolution maximises its mean; of candidates with equal skips the one that gets farther is
@@ -106,77 +118,66 @@ def optimize(
 
     Args:
         stone: the body.
-        limits: lowest and highest value by parameter of the throw, SI: what the thrower can do.
+        ranges: lowest and highest value by parameter of the throw, SI: what the thrower can do.
         goal: "skips" or "distance".
-        throw: what is not in `limits`.
+        throw: what is not in `ranges`.
         water: the fluid.
         scatter: standard deviation of the hand by parameter; `HAND` if None, {} for a perfect one.
         members: of an ensemble.
         population: candidates in a generation.
         generations: at most.
         timestep: [s].
-        run_limits: what counts as a skip and when a throw is over.
+        limits: what counts as a skip and when a throw is over.
         threads: that share the work.
         seed: of search and scatter.
         progress: called with the generations done and to do.
 
     Raises:
-        ValueError: a limit is not of a throw or has its ends the wrong way round, or no throw within the
-            limits can be made.
+        ValueError: a range is not of a throw or has its ends the wrong way round, or no throw within the
+            ranges can be made.
     """
-    limits, base = dict(limits), throw or Throw()
-    _check(limits, base, goal, members)
-    spread = dict(HAND if scatter is None else scatter)
-    unknown = sorted(set(spread) - set(THROW))
-    if unknown:
-        raise ValueError(f"no parameter {unknown[0]!r} of a throw: choose from {', '.join(THROW)}")
-    names = list(limits)
-    thrown = 0
+    base = Throw() if throw is None else check_type("throw", throw, Throw)
+    ranges = _checked_ranges(ranges, base)
+    spread = _checked_scatter(HAND if scatter is None else scatter)
+    check_choice("goal", goal, GOALS)
+    for name, count in (
+        ("members", members),
+        ("population", population),
+        ("generations", generations),
+    ):
+        check_count(name, count)
+    names = list(ranges)
 
-    def ensembles(candidates: Array, hand: dict[str, Array], count: int) -> tuple[Array, Array]:
-        """Goal and distance of every member of every candidate: (candidates, members) each."""
-        nonlocal thrown
-        throws, rows = [], []
-        for k, candidate in enumerate(candidates):
-            aimed = replace(base, **dict(zip(names, map(float, candidate), strict=True)))
-            for m in range(count):
-                made = _within({n: getattr(aimed, n) + float(hand[n][m]) for n in hand})
-                throws.append(replace(aimed, **made))
-                rows.append((k, m))
-        thrown += len(throws)
-        done = throw_all(
-            stone, throws, water=water, timestep=timestep, limits=run_limits, threads=threads
+    def throw_them(throws: list[Throw]) -> Outcomes:
+        return throw_all(
+            stone, throws, water=water, timestep=timestep, limits=limits, threads=threads
         )
-        lost = done.end == "diverged"
-        distance = np.where(lost, 0.0, done.distance).reshape(len(candidates), count)
-        skips = np.where(lost, 0, done.skips).reshape(len(candidates), count)
-        return (skips.astype(np.float64) if goal == "skips" else distance), distance
 
-    seen = _hand(spread, members, seed)
+    ensembles = _Ensembles(names, base, goal, throw_them)
+    searched = _scatter_of(spread, members, seed)
 
-    def worth(columns: Array) -> Array:
-        """What is minimised: minus the mean; a metre counts for a thousandth of a skip."""
-        found, distance = ensembles(columns.T, seen, members)
+    def cost(columns: Array) -> Array:
+        """Minus the mean; a metre counts for a thousandth of a skip."""
+        found, distance = ensembles(columns.T, searched, members)
         return np.asarray(-found.mean(axis=1) - 1e-3 * distance.mean(axis=1) * (goal == "skips"))
 
-    generation = 0
+    done = count_up(1)
 
-    def told(*_: Any) -> None:
-        nonlocal generation
-        generation += 1
+    def generation_done(*_: Any) -> None:
+        number = next(done)
         if progress:
-            progress(min(generation, generations), generations)
+            progress(min(number, generations), generations)
 
     from scipy.optimize import differential_evolution
 
     search: Any = differential_evolution  # its stubs know no vectorized=True
     found = search(
-        worth, [limits[n] for n in names], maxiter=generations, init="latinhypercube",
+        cost, [ranges[n] for n in names], maxiter=generations, init="latinhypercube",
         popsize=max(1, -(-population // len(names))), vectorized=True, updating="deferred",
-        polish=False, tol=1e-3, rng=np.random.default_rng(seed), callback=told,
+        polish=False, tol=1e-3, rng=np.random.default_rng(seed), callback=generation_done,
     )  # fmt: skip
     aim = np.asarray(found.x, dtype=np.float64)
-    fresh = _hand(spread, 4 * members, seed + 1)
+    fresh = _scatter_of(spread, 4 * members, seed + 1)
     values = ensembles(aim[None], fresh, 4 * members)[0][0]
     return Best(
         throw=replace(base, **dict(zip(names, map(float, aim), strict=True))),
@@ -185,13 +186,57 @@ def optimize(
         deviation=float(values.std()),
         tenth=float(np.quantile(values, 0.1)),
         aimed=float(ensembles(aim[None], {}, 1)[0][0, 0]),
-        searched=float(ensembles(aim[None], seen, members)[0].mean()),
+        searched=float(ensembles(aim[None], searched, members)[0].mean()),
         neighbourhood={
-            name: _around(k, aim, limits[name], lambda c: ensembles(c, fresh, 4 * members)[0])
+            name: _around(k, aim, ranges[name], lambda c: ensembles(c, fresh, 4 * members)[0])
             for k, name in enumerate(names)
         },
-        throws=thrown,
+        throws=ensembles.thrown,
     )
+
+
+class _Ensembles:
+    """Throws around candidates.
+
+    Attributes:
+        thrown: how many until now.
+    """
+
+    def __init__(
+        self,
+        names: list[str],
+        base: Throw,
+        goal: Goal,
+        throw_them: Callable[[list[Throw]], Outcomes],
+    ) -> None:
+        """Candidates are values of the parameters `names`; `base` has the others."""
+        self._names, self._base, self._goal, self._throw_them = names, base, goal, throw_them
+        self.thrown = 0
+
+    def __call__(
+        self, candidates: Array, scatter: Mapping[str, Array], count: int
+    ) -> tuple[Array, Array]:
+        """Goal and distance of every member of every candidate: (candidates, count) each.
+
+        Args:
+            candidates: (n, parameters).
+            scatter: additions by parameter (count,) each.
+            count: members of an ensemble.
+        """
+        throws = []
+        for candidate in candidates:
+            aimed = replace(
+                self._base, **dict(zip(self._names, map(float, candidate), strict=True))
+            )
+            for m in range(count):
+                strayed = {n: getattr(aimed, n) + float(scatter[n][m]) for n in scatter}
+                throws.append(replace(aimed, **_within(strayed)))
+        self.thrown += len(throws)
+        done = self._throw_them(throws)
+        lost = done.end == "diverged"
+        distance = np.where(lost, 0.0, done.distance).reshape(len(candidates), count)
+        skips = np.where(lost, 0, done.skips).reshape(len(candidates), count)
+        return (skips.astype(np.float64) if self._goal == "skips" else distance), distance
 
 
 def _around(
@@ -217,7 +262,7 @@ def _around(
     )
 
 
-def _hand(spread: Mapping[str, float], count: int, seed: int) -> dict[str, Array]:
+def _scatter_of(spread: Mapping[str, float], count: int, seed: int) -> dict[str, Array]:
     """What the hand adds to each parameter, (count,) each."""
     if not spread:
         return {}
@@ -230,17 +275,27 @@ def _within(made: dict[str, float]) -> dict[str, float]:
     return {name: max(value, lowest.get(name, value)) for name, value in made.items()}
 
 
-def _check(limits: Mapping[str, tuple[float, float]], base: Throw, goal: str, members: int) -> None:
-    if goal not in GOALS:
-        raise ValueError(f"goal is {goal!r}: use one of {', '.join(GOALS)}")
-    if members < 1:
-        raise ValueError(f"members is {members!r}: give at least 1")
-    if not limits:
-        raise ValueError("no limits are given: say what the thrower can do, such as speed=(5, 12)")
-    for name, (low, high) in limits.items():
-        if name not in THROW:
-            raise ValueError(f"no parameter {name!r} of a throw: choose from {', '.join(THROW)}")
+def _checked_ranges(given: object, base: Throw) -> dict[str, tuple[float, float]]:
+    ranges = check_mapping(
+        "ranges", given, "give what the thrower can do, such as {'speed': (5, 12)}"
+    )
+    if not ranges:
+        raise fault("ranges", given, "say what the thrower can do, such as {'speed': (5, 12)}")
+    found = {}
+    for name, ends in ranges.items():
+        check_choice("a parameter of ranges", name, tuple(PARAMETERS))
+        low, high = check_vector(name, ends, 2).tolist()
         if not low < high:
             raise ValueError(f"{name} from {low!r} to {high!r}: give the lower end first")
         for end in (low, high):
             replace(base, **{name: end})  # says what is out of range
+        found[name] = (low, high)
+    return found
+
+
+def _checked_scatter(given: object) -> dict[str, float]:
+    scatter = check_mapping("scatter", given, "give standard deviations by parameter")
+    for name, deviation in scatter.items():
+        check_choice("a parameter of scatter", name, tuple(PARAMETERS))
+        check_number(name, deviation, low=0.0)
+    return dict(scatter)

@@ -38,7 +38,7 @@ class Store(Protocol):
         """All of it."""
 
 
-class Kept:
+class MemoryStore:
     """Results in memory."""
 
     def __init__(self, design: Design) -> None:
@@ -71,7 +71,7 @@ class Kept:
         )
 
 
-class Written:
+class ZarrStore:
     """Results in a Zarr group."""
 
     def __init__(self, path: Path, group: Any) -> None:
@@ -95,7 +95,7 @@ class Written:
 
 def open_store(
     path: str | os.PathLike[str], design: Design, chunks: tuple[int, ...], request: dict[str, Any]
-) -> Written:
+) -> ZarrStore:
     """Make a store for a design, or open the one that is there.
 
     Raises:
@@ -115,7 +115,7 @@ def open_store(
         raise MjskipError(
             f"{path} holds another sweep ({'; '.join(differ)}): ask for the same, or name another file"
         )
-    return Written(path, group)
+    return ZarrStore(path, group)
 
 
 def open_sweep(path: str | os.PathLike[str]) -> xr.Dataset:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from importlib.metadata import version
 from itertools import product
@@ -13,16 +12,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
-from mjskip.checks import check_positive
+from mjskip._typing import Array, PathLike, Progress
+from mjskip.checks import check_choice, check_count, check_path, check_positive, check_type
 from mjskip.errors import MjskipWarning
 from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
-from mjskip.sweeps.batch import AIR_TOLERANCE, Air
+from mjskip.sweeps.batch import AIR_TOLERANCE, AIRS, Air
 from mjskip.sweeps.design import Design
 from mjskip.sweeps.job import Job, run_chunk
-from mjskip.sweeps.store import Kept, Store, open_store
+from mjskip.sweeps.store import MemoryStore, Store, open_store
 from mjskip.throws.engines import INTEGRATORS
 from mjskip.throws.recording import Limits
 from mjskip.throws.reference import FIXED_STEP
@@ -38,11 +37,11 @@ CHUNK = 256
 
 
 def sweep(
-    scene: Scene | Stone | str | os.PathLike[str] = "lake",
-    vary: Mapping[str, Sequence[Any] | npt.NDArray[np.float64]] | None = None,
+    scene: Scene | Stone | PathLike = "lake",
+    vary: Mapping[str, Sequence[Any] | Array] | None = None,
     *,
-    samples: Mapping[str, npt.NDArray[np.float64]] | None = None,
-    scatter: Mapping[str, npt.NDArray[np.float64]] | None = None,
+    samples: Mapping[str, Array] | None = None,
+    scatter: Mapping[str, Array] | None = None,
     throw: Throw | None = None,
     water: Water | None = None,
     engine: EngineName = "reference",
@@ -50,11 +49,11 @@ def sweep(
     timestep: float | None = None,
     limits: Limits | None = None,
     air: Air = "adaptive",
-    path: str | os.PathLike[str] | None = None,
+    path: PathLike | None = None,
     chunk: int = CHUNK,
     threads: int | None = None,
     scheduler: str | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> xr.Dataset:
     """Throw over a grid of parameters and say what every throw did.
 
@@ -90,29 +89,35 @@ def sweep(
         ValueError: an argument is not allowed.
         MjskipError: the store was made by another request, or the scheduler is lost.
     """
-    design = Design(axes=vary or {}, samples=samples or {}, scatter=scatter or {})
+    design = Design(
+        axes={} if vary is None else vary,
+        samples={} if samples is None else samples,
+        scatter={} if scatter is None else scatter,
+    )
     job = _job(scene, design, throw, water, engine, integrator, timestep, limits, air)
-    if chunk < 1:
-        raise ValueError(f"chunk is {chunk!r}: give at least 1 throw")
-    _doubt(job)
+    check_count("chunk", chunk)
+    if threads is not None:
+        check_count("threads", threads)
+    if scheduler is not None:
+        check_type("scheduler", scheduler, str, "give an address such as tcp://127.0.0.1:8786")
+    _warn_timestep(job)
     shape = chunk_shape(tuple(design.sizes.values()), chunk)
-    place: Store = open_store(path, design, shape, request(job)) if path else Kept(design)
+    place: Store = _store(path, design, shape, job)
     todo, done = [], 0
-    total = int(np.prod(list(design.sizes.values())))
     for index in _chunks(design, shape):
         if place.finished(index):
             done += _size(index)
         else:
             todo.append(index)
     if progress:
-        progress(done, total)
+        progress(done, design.size)
 
     def take(index: tuple[slice, ...], found: dict[str, Any]) -> None:
         nonlocal done
         place.write(index, found)
         done += _size(index)
         if progress:
-            progress(done, total)
+            progress(done, design.size)
 
     if scheduler is None:
         for index in todo:
@@ -122,6 +127,12 @@ def sweep(
 
         run_on_cluster(scheduler, job, todo, take)
     return place.dataset(request(job))
+
+
+def _store(path: PathLike | None, design: Design, shape: tuple[int, ...], job: Job) -> Store:
+    if path is None:
+        return MemoryStore(design)
+    return open_store(check_path("path", path), design, shape, request(job))
 
 
 def chunk_shape(sizes: tuple[int, ...], most: int) -> tuple[int, ...]:
@@ -147,7 +158,7 @@ def _size(index: tuple[slice, ...]) -> int:
 
 
 def _job(
-    scene: Scene | Stone | str | os.PathLike[str],
+    scene: Scene | Stone | PathLike,
     design: Design,
     throw: Throw | None,
     water: Water | None,
@@ -157,13 +168,18 @@ def _job(
     limits: Limits | None,
     air: Air,
 ) -> Job:
-    if engine not in ENGINES:
-        raise ValueError(f"engine is {engine!r}: use one of {', '.join(ENGINES)}")
-    known = FIXED_STEP if engine == "reference" else INTEGRATORS
-    if integrator is not None and integrator not in known:
-        raise ValueError(
-            f"integrator is {integrator!r}: sweeps by {engine} have {', '.join(known)}"
-        )
+    check_choice("engine", engine, ENGINES)
+    check_choice("air", air, AIRS)
+    if integrator is not None:
+        known = FIXED_STEP if engine == "reference" else INTEGRATORS
+        check_choice(f"integrator of the {engine} engine", integrator, known)
+    for name, value, kind in (
+        ("throw", throw, Throw),
+        ("water", water, Water),
+        ("limits", limits, Limits),
+    ):
+        if value is not None:
+            check_type(name, value, kind)
     loaded = None if isinstance(scene, Stone) else scene
     if loaded is not None and not isinstance(loaded, Scene):
         loaded = load_scene(loaded)
@@ -223,7 +239,7 @@ def _named(file: Path) -> str:
     return f"{file.name} (sha256 {hashlib.sha256(file.read_bytes()).hexdigest()[:16]})"
 
 
-def _doubt(job: Job) -> None:
+def _warn_timestep(job: Job) -> None:
     """Warn once for the fastest throw of the thinnest stone."""
     axes = {**job.design.axes, **job.design.samples}
     speed = float(np.max(axes.get("speed", job.throw.speed)))

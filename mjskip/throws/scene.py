@@ -8,7 +8,6 @@ Bodies that carry the engine plugin `mjskip.water` have their water from it.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -18,6 +17,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from mjskip._typing import PathLike
+from mjskip.checks import check_path, check_type
 from mjskip.coupling.bodies import body_name, find_body, free_bodies
 from mjskip.coupling.loading import load_model
 from mjskip.coupling.plugin import NAME, plugin_options, plugin_water
@@ -45,7 +46,7 @@ OBSTACLES = "obstacles"
 CONTROL, RELEASE = "control.", "release."
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Scene:
     """A compiled model with its settings.
 
@@ -74,6 +75,9 @@ class Scene:
     plugged: Mapping[str, Water]
     arm: Arm
     held: frozenset[str]
+
+    def __repr__(self) -> str:
+        return f"Scene({self.path.name}, body={self.body!r}, {len(self.throws)} free bodies)"
 
     @property
     def throw(self) -> Throw:
@@ -163,7 +167,7 @@ def shipped_scenes() -> dict[str, Path]:
     return {}
 
 
-def load_scene(path: str | os.PathLike[str] = "lake", *, body: str | None = None) -> Scene:
+def load_scene(path: PathLike = "lake", *, body: str | None = None) -> Scene:
     """Load a scene from an MJCF file, or by the name of a shipped one.
 
     Args:
@@ -176,6 +180,8 @@ def load_scene(path: str | os.PathLike[str] = "lake", *, body: str | None = None
         MeshError: a stone's mesh is not closed.
     """
     file = _find(path)
+    if body is not None:
+        check_type("body", body, str, "give the name of a free body")
     model = load_model(file)
     names = [body_name(model, b) for b in free_bodies(model)]
     if not names:
@@ -231,8 +237,8 @@ def _with_prefix(settings: Mapping[str, Any], prefix: str) -> dict[str, Any]:
     return {k.removeprefix(prefix): v for k, v in settings.items() if k.startswith(prefix)}
 
 
-def _find(path: str | os.PathLike[str]) -> Path:
-    file = Path(path)
+def _find(path: PathLike) -> Path:
+    file = check_path("scene", path)
     if file.is_file():
         return file
     shipped = shipped_scenes()

@@ -102,7 +102,7 @@ class Contact:
         }
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Trajectory:
     """One stone's motion, a row per step, in the world frame and SI units.
 
@@ -148,6 +148,13 @@ class Trajectory:
     end: str
     mass: float
     attributes: dict[str, Any] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        body = self.attributes.get("body", "stone")
+        skips = f"{self.skips} skip{'' if self.skips == 1 else 's'}"
+        return (
+            f"Trajectory({body}, {self.time[-1]:.3g} s, {len(self.time)} rows, {skips}, {self.end})"
+        )
 
     @property
     def potential_energy(self) -> Array:

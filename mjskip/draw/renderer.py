@@ -1,0 +1,329 @@
+"""`Renderer`: pictures of any MuJoCo model, with water in them."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from typing import Any
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+from mjskip.draw import tiles
+from mjskip.draw.appearance import WaterAppearance
+from mjskip.draw.geoms import SURELY_ABOVE, Ellipsoids, Standing, moving_geoms, outlines, sun_of
+from mjskip.draw.gl import offscreen
+from mjskip.draw.passes import VIEW_ROWS, WaterPasses, gl, has_shaders, own_state
+from mjskip.draw.surface import BLOCK, BORDER, Patch, ShaderSurface, patch_of
+from mjskip.draw.surroundings import Surroundings
+from mjskip.errors import RenderError
+
+Array = npt.NDArray[np.float64]
+
+WATER_ID = -2
+"""Both numbers of a pixel of water in a segmentation: background has -1, and everything else its id."""
+
+_MARGIN = 3.0  # [m] of the bottom beyond the water that is of interest
+_FARTHEST = 20.0  # [m]: half the side of the map of the bottom at most
+
+
+class Renderer(mujoco.Renderer):  # type: ignore[misc]
+    """`mujoco.Renderer` with water: the same constructor and methods, any model, any camera.
+
+        with mjskip.Renderer(model, 480, 640, water=field) as renderer:
+            renderer.update_scene(data, "side")
+            picture = renderer.render()
+
+    Water is drawn wherever nothing of the model is above its surface: to the horizon, still outside
+    its field. What is seen through it and in it is the model's own: bodies that move as the camera sees
+    them (their far side by ellipsoids of their size), and what stands still from pictures taken at the
+    first `update_scene`, so move nothing of the world body afterwards. Light loses exp(-absorption length)
+    on its way through the water to the eye.
+
+    Depth is that of the nearest of water and geoms. In a segmentation water is (`WATER_ID`, `WATER_ID`).
+
+    Attributes:
+        water: what is drawn: may be set at any time.
+        appearance: clear or turbid, smooth or ruffled: may be set at any time.
+        linear: True leaves colours as they come out of the laws of optics: no tone curve, no glints of
+            the sun, no darkening of wet edges.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        height: int = 240,
+        width: int = 320,
+        max_geom: int = 10000,
+        font_scale: mujoco.mjtFontScale = mujoco.mjtFontScale.mjFONTSCALE_150,
+        *,
+        water: Any = None,
+        spacing: float | None = None,
+        centre: tuple[float, float] = (0.0, 0.0),
+        appearance: WaterAppearance | None = None,
+        linear: bool = False,
+    ) -> None:
+        """Make a GL context; through EGL, which needs no display, unless MUJOCO_GL says otherwise.
+
+        Args:
+            model: compiled.
+            height: of pictures [pixels].
+            width: of pictures [pixels].
+            max_geom: as `mujoco.Renderer`'s.
+            font_scale: as `mujoco.Renderer`'s.
+            water: a coupling of bodies and water, a `HeightField`, a `Lake`, a recording of a surface, an
+                array (nx, ny) of heights [m], or None for still water at z = 0.
+            spacing: side of a cell of an array [m].
+            centre: of an array (x, y) [m].
+            appearance: of the water.
+            linear: whether colours are left as the laws of optics give them.
+
+        Raises:
+            ValueError: the picture is larger than the model's offscreen buffer, or the water is none.
+            RenderError: no context can be made here, or it does not know GLSL 3.30.
+        """
+        self._gl_context: Any = None  # both are the base class's, and what `close` looks for
+        self._mjr_context: Any = None
+        self._passes: WaterPasses | None = None
+        self.appearance = appearance or WaterAppearance()
+        self.linear = linear
+        self._spacing, self._centre = spacing, centre
+        self.water = water
+        self._surroundings: Surroundings | None = None
+        self._time = 0.0
+        self._patch((0.0, 0.0))
+        with offscreen():
+            super().__init__(model, height, width, max_geom, font_scale)
+        with self._current():
+            if not has_shaders():
+                self.close()
+                raise RenderError(
+                    "this OpenGL does not know GLSL 3.30: draw with look='plain', or update its driver"
+                )
+            with own_state():
+                self._passes = WaterPasses((width, height))
+        self._sun = sun_of(model)
+        self._standing, self._moving = Standing.of(model), moving_geoms(model)
+        self._ellipsoids = Ellipsoids.of(model, self._moving)
+        self._bodies = np.zeros((0, 16))
+        self._outlines = np.zeros((0, 3)), np.zeros((0, 3))
+        self._usual = True  # the scene holds what the model's geoms say
+        self._surface = ShaderSurface()
+
+    def close(self) -> None:
+        """Give the GL context back."""
+        if self._passes is not None and self._gl_context:
+            with self._current():
+                self._passes.free()
+        self._passes, self._surroundings = None, None
+        super().close()
+
+    def update_scene(
+        self,
+        data: mujoco.MjData,
+        camera: int | str | mujoco.MjvCamera = -1,
+        scene_option: mujoco.MjvOption | None = None,
+    ) -> None:
+        """Gather what a camera sees, as `mujoco.Renderer.update_scene`."""
+        super().update_scene(data, camera, scene_option)
+        self._usual = scene_option is None
+        self._time = float(data.time)
+        self._bodies = self._ellipsoids.rows(data)
+        low, high = outlines(self._model, data, self._moving)
+        self._outlines = (
+            np.concatenate([self._standing.low, low]), np.concatenate([self._standing.high, high])
+        )  # fmt: skip
+        if self._surroundings is None and self._passes is not None:
+            self._look_around(data, self._passes)
+
+    def render(self, *, out: npt.NDArray[Any] | None = None) -> npt.NDArray[Any]:
+        """The picture, depth or segmentation, as `mujoco.Renderer.render`.
+
+        Raises:
+            RuntimeError: the renderer is closed.
+            ValueError: `out` has another shape.
+        """
+        if self._passes is None:
+            raise RuntimeError("render cannot be called after close.")
+        if self._depth_rendering or self._segmentation_rendering:
+            return self._render_ids(out, self._passes)
+        shape = (self._height, self._width, 3)
+        if out is not None and out.shape != shape:
+            raise ValueError(f"out has shape {out.shape}: give {shape}")
+        usable = out is not None and out.dtype == np.uint8 and out.flags.c_contiguous
+        image = out if usable and out is not None else np.empty(shape, np.uint8)
+        with self._current():
+            with self._hidden():
+                mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._mjr_context)
+                mujoco.mjr_render(self._rect, self._scene, self._mjr_context)
+            gl().glFlush()  # it draws while the rest is made ready
+            with own_state():
+                view, patch = self._see(self._passes)
+                self._take(self._passes)
+                self._passes.draw(view, self._tiles(view, patch))
+                self._passes.read(image)
+        if out is None or out is image:
+            return image
+        np.copyto(out, image, casting="unsafe")
+        return out
+
+    def _render_ids(self, out: npt.NDArray[Any] | None, passes: WaterPasses) -> npt.NDArray[Any]:
+        """Depth and segmentation: MuJoCo's, and the water where it is nearer."""
+        found: npt.NDArray[Any] = super().render(out=out)
+        with self._current(), own_state():
+            view, _ = self._see(passes)
+            self._take(passes)
+            far = passes.distances(view)
+        if self._depth_rendering:
+            np.copyto(found, far, where=far > 0.0, casting="unsafe")
+        elif self._segmentation_rendering:
+            found[far > 0.0] = WATER_ID
+        return found
+
+    @property
+    def _depth(self) -> float:
+        """Of the water [m]."""
+        return 3.0 if self._surroundings is None else -self._surroundings.deepest
+
+    @contextlib.contextmanager
+    def _current(self) -> Iterator[None]:
+        with self._gl_context.as_current():
+            yield
+
+    @contextlib.contextmanager
+    def _hidden(self) -> Iterator[None]:
+        """From above, what stands under water is seen in the map of the bottom: MuJoCo need not draw it.
+
+        A bottom without end stays, without its texture: what is nowhere else would be filled with sky.
+        """
+        hidden = []
+        above = self._scene.camera[0].pos[2] > SURELY_ABOVE
+        wide = 0.7 * self._scene.camera[0].frustum_far
+        sunk = self._standing.sunk
+        for geom in self._scene.geoms[: self._scene.ngeom]:
+            if geom.objtype != mujoco.mjtObj.mjOBJ_GEOM:
+                self._usual = False
+            elif above and geom.objid in sunk:
+                hidden.append((geom, geom.type, geom.matid, geom.size.copy()))
+                if geom.type == mujoco.mjtGeom.mjGEOM_PLANE:
+                    geom.type, geom.matid = mujoco.mjtGeom.mjGEOM_BOX, -1
+                    geom.size[:] = wide, wide, 0.01
+                else:
+                    geom.type = mujoco.mjtGeom.mjGEOM_LABEL  # which has no body
+        try:
+            yield
+        finally:
+            for geom, kind, material, size in hidden:
+                geom.type, geom.matid = kind, material
+                geom.size[:] = size
+
+    def _take(self, passes: WaterPasses) -> None:
+        """What MuJoCo drew, for the water's passes."""
+        if self._mjr_context.offSamples or self._surroundings is None:
+            passes.model.copy_from(self._mjr_context.offFBO)
+
+    def _tiles(self, view: npt.NDArray[np.float32], patch: Patch) -> dict[str, tiles.Flags]:
+        """Which program draws which tile."""
+        size, depth, sunk = (self._width, self._height), self._depth, bool(view[0, 3] < 0.0)
+        if sunk:
+            return tiles.under_water(size)
+        eye, sun = (view[k, :3].astype(np.float64) for k in (0, 8))
+        water, whole, boxes = tiles.footprints(view, size)
+        first = np.array(patch.origin) - (BORDER + 0.5) * patch.spacing
+        waves = tiles.rough(boxes, self._surface.tallest, first, patch.spacing, depth)
+        images = tiles.around_bodies(eye, sun, self._bodies[:, :4], depth)
+        before = tiles.hidden_by(eye, *self._outlines)
+        standing, bodies, hidden = (
+            tiles.overlap(boxes, others) for others in (self._standing.boxes, images, before)
+        )
+        # what else a scene holds, marks of a user for instance, may be anywhere
+        whole &= self._usual and not self._scene.nskin and not self._scene.nflex
+        return tiles.programs(water, waves, standing, bodies, hidden, whole)
+
+    def _patch(self, focus: tuple[float, float]) -> Patch:
+        """What is drawn of the water now."""
+        return patch_of(
+            self.water, focus=focus, time=self._time, spacing=self._spacing, centre=self._centre
+        )
+
+    def _look_around(self, data: mujoco.MjData, passes: WaterPasses) -> None:
+        """Draw the bottom and the scenery once."""
+        patch = self._patch((0.0, 0.0))
+        size = patch.spacing * max(patch.elevation.shape)
+        known = size > 2.0 * patch.spacing
+        reach = 0.5 * size if known else float(self._model.stat.extent)
+        x, y, _ = self._model.stat.center.tolist()
+        centre = patch.centre if known else (x, y)
+        with self._current(), own_state():
+            self._surroundings = Surroundings(
+                self._model, data, self._mjr_context, passes, centre=centre,
+                reach=min(reach + _MARGIN, _FARTHEST),
+            )  # fmt: skip
+            if self._mjr_context.offSamples == 0:
+                passes.adopt(self._mjr_context.offFBO)
+
+    def _see(self, passes: WaterPasses) -> tuple[npt.NDArray[np.float32], Patch]:
+        """Hand the surface over, and fill in `water.glsl`'s View."""
+        view = np.zeros((VIEW_ROWS, 4), np.float32)
+        position, ahead = self._camera_rows(view)
+        focus = _looked_at(position, ahead)
+        patch = self._patch(focus)
+        self._surface.fill(patch, blur=0.1 * self._depth)
+        passes.put_surface(self._surface)
+        # outer edge of the first cell
+        first = np.array(patch.origin) - (BORDER + 0.5) * patch.spacing
+        for row, values, side in (
+            (5, self._surface.heights, patch.spacing),
+            (6, self._surface.tallest, BLOCK * patch.spacing),
+        ):
+            scale = 1.0 / (np.array(values.shape[:2]) * side)
+            view[row] = *(-first * scale), *scale
+        view[7, 0] = patch.spacing
+        view[0, 3] = 1.0 if position[2] > _height_at(patch, position) else -1.0
+        sun, colour = self._sun
+        view[8] = *sun, 0.0 if self.linear else self.appearance.wind
+        view[9] = *colour, 0.6
+        view[10] = *self.appearance.absorption, self._time
+        view[11] = *self.appearance.scattered, float(self.linear)
+        if self._surroundings is not None:
+            view[12:16] = self._surroundings.rows
+        view[15, 2] = len(self._bodies)
+        view[16 : 16 + 4 * len(self._bodies)] = self._bodies.reshape(-1, 4)
+        return view, patch
+
+    def _camera_rows(self, view: npt.NDArray[np.float32]) -> tuple[Array, Array]:
+        """Fill in the camera; its position and direction."""
+        left, other = self._scene.camera  # a stereo pair, drawn from its middle
+        position = 0.5 * (np.array(left.pos, np.float64) + other.pos)
+        ahead, up = np.array(left.forward, np.float64), np.array(left.up, np.float64)
+        near, far = float(left.frustum_near), float(left.frustum_far)
+        flat = float(left.orthographic)
+        scale = 1.0 if flat else near
+        half_height = 0.5 * float(left.frustum_top - left.frustum_bottom) / scale
+        half_width = float(left.frustum_width) / scale or half_height * self._width / self._height
+        middle = float(left.frustum_center) / scale / half_width
+        raised = 0.5 * float(left.frustum_top + left.frustum_bottom) / scale
+        view[0, :3] = position
+        view[1] = *(ahead + raised * up), flat
+        view[2] = *(half_width * np.cross(ahead, up)), -middle
+        view[3] = *(half_height * up), half_width / self._width
+        view[4] = 1.0 / far, 1.0 / near - 1.0 / far, near, far - near
+        return position, ahead
+
+
+def _looked_at(position: Array, ahead: Array) -> tuple[float, float]:
+    """Where a camera looks at the water (x, y) [m], not far from it."""
+    away = -position[2] / ahead[2] if ahead[2] * position[2] < 0.0 else 3.0
+    x, y, _ = position + min(away, 5.0) * ahead
+    return float(x), float(y)
+
+
+def _height_at(patch: Patch, position: Array) -> float:
+    """Of the surface over or under a point [m]."""
+    i, j = (
+        round((at - first) / patch.spacing)
+        for at, first in zip(position, patch.origin, strict=False)
+    )
+    nx, ny = patch.elevation.shape
+    return float(patch.elevation[i, j]) if 0 <= i < nx and 0 <= j < ny else 0.0

@@ -1,0 +1,140 @@
+"""Any water as a picture shows it: heights on a grid about what is looked at."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+import numpy.typing as npt
+
+from mjskip.draw._draw_kernels import fill_surface
+
+BLOCK = 16
+"""Cells a side of the blocks of which the greatest height is known; `water.glsl` knows it too."""
+
+BORDER = 12
+"""Cells around a field over which what is drawn fades into still water."""
+
+WINDOW = 512
+"""Cells a side of what is drawn of water without end."""
+
+SingleArray = npt.NDArray[np.float32]
+
+
+@runtime_checkable
+class Surface(Protocol):
+    """Water inside walls: `mjskip.HeightField` is one."""
+
+    @property
+    def elevation(self) -> SingleArray: ...  # (nx, ny) [m]
+    @property
+    def spacing(self) -> float: ...  # [m]
+    @property
+    def centre(self) -> tuple[float, float]: ...  # [m]
+
+
+class Patch(NamedTuple):
+    """Heights on a grid: a `Surface`.
+
+    Attributes:
+        elevation: (nx, ny) [m].
+        spacing: side of a cell [m].
+        centre: of the grid (x, y) [m].
+    """
+
+    elevation: SingleArray
+    spacing: float
+    centre: tuple[float, float]
+
+    @property
+    def origin(self) -> tuple[float, float]:
+        """Where the first cell is (x, y) [m]."""
+        nx, ny = self.elevation.shape
+        x, y = self.centre
+        return x - 0.5 * (nx - 1) * self.spacing, y - 0.5 * (ny - 1) * self.spacing
+
+
+STILL = Patch(np.zeros((2, 2), np.float32), 1.0, (0.0, 0.0))
+
+
+def patch_of(
+    water: Any,
+    *,
+    focus: tuple[float, float] = (0.0, 0.0),
+    time: float = 0.0,
+    spacing: float | None = None,
+    centre: tuple[float, float] = (0.0, 0.0),
+) -> Patch:
+    """What is drawn of any water.
+
+    Args:
+        water: None for still water; an array (nx, ny) of heights [m] with its spacing; a `HeightField`;
+            anything with the window of a `Lake`; a recording, which is asked for its surface at a time;
+            a coupling of bodies and water, which is asked for its surface.
+        focus: of water without end, the part about this point is drawn (x, y) [m].
+        time: of a recording [s].
+        spacing: side of a cell of an array [m].
+        centre: of an array (x, y) [m].
+
+    Raises:
+        ValueError: the water is none of these, or an array is of no use.
+    """
+    if water is None:
+        return STILL
+    if isinstance(water, np.ndarray):
+        return _patch_of_array(water, spacing, centre)
+    if callable(getattr(water, "at", None)):  # a recording
+        return patch_of(water.at(time), focus=focus, time=time)
+    if hasattr(water, "surface"):  # a coupling: None where its water is still
+        return patch_of(water.surface, focus=focus, time=time)
+    if isinstance(water, Surface):
+        return Patch(water.elevation, water.spacing, water.centre)
+    if callable(getattr(water, "window", None)):
+        heights, x, y = water.window(*focus, (WINDOW, WINDOW))
+        middle = float(x[[0, -1]].mean()), float(y[[0, -1]].mean())
+        return Patch(heights, float(water.spacing), middle)
+    if hasattr(water, "blocks") and hasattr(water, "water"):  # a coupling over still water
+        return STILL
+    raise ValueError(
+        f"water is a {type(water).__name__}: give a coupling, a HeightField or Lake, a recording, an array "
+        "(nx, ny) of heights with its spacing, or None for still water"
+    )
+
+
+def _patch_of_array(
+    heights: npt.NDArray[Any], spacing: float | None, centre: tuple[float, float]
+) -> Patch:
+    if heights.ndim != 2 or min(heights.shape) < 2:
+        raise ValueError(
+            f"water has shape {heights.shape}: give heights (nx, ny) of at least 2 x 2 cells"
+        )
+    if spacing is None or not spacing > 0.0:
+        raise ValueError(
+            f"spacing is {spacing!r}: give the side of a cell of the water [m], above 0"
+        )
+    return Patch(np.asarray(heights, np.float32), float(spacing), centre)
+
+
+class ShaderSurface:
+    """Room for a patch as the water's shaders read it.
+
+    Attributes:
+        heights: (nx + 2 BORDER, ny + 2 BORDER) [m].
+        bends: Laplacians there [1/m].
+        tallest: greatest height or depth in each block of BLOCK x BLOCK cells and the eight around it [m].
+    """
+
+    def __init__(self) -> None:
+        self.heights, self.bends, self.tallest = (np.empty((0, 0), np.float32) for _ in range(3))
+
+    def fill(self, patch: Patch, *, blur: float) -> None:
+        """Take a patch; its Laplacian is a mean over about `blur` [m]."""
+        nx, ny = (n + 2 * BORDER for n in patch.elevation.shape)
+        if self.heights.shape != (nx, ny):
+            self.heights, self.bends = np.empty((2, nx, ny), np.float32)
+            self.tallest = np.empty((-(-nx // BLOCK), -(-ny // BLOCK)), np.float32)
+        stride = max(1, round(blur / patch.spacing))
+        fill_surface(
+            patch.elevation, BORDER, stride, patch.spacing, BLOCK, self.heights, self.bends,
+            self.tallest,
+        )  # fmt: skip
