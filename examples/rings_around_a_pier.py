@@ -14,7 +14,7 @@ def main(arguments):
     """Drop a bump, let the rings run, and say what the pier does to them."""
     x = 0.02 * (np.arange(200) - 99.5)
     pier = (np.abs(x)[:, None] < 0.1) & (np.abs(x - 0.8)[None, :] < 0.4)
-    field = mjskip.HeightField((200, 200), 0.02, boundary="absorb", land=pier)
+    field = mjskip.HeightField((200, 200), 0.02, boundary="absorb", terrain_mask=pier)
     field.displace(-0.8, 0.8, height=0.03, radius=0.15)
     started = field.volume()
     field.advance(1.2)

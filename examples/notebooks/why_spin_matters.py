@@ -15,6 +15,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import mjskip
+from mjskip.sweeps.design import normal
 
 # %% [markdown]
 # The same throw with five spins. `attack` is the tilt of the stone's face to the water, `descent` the angle of its path.
@@ -46,8 +47,6 @@ plt.show()
 # chaotic. An ensemble of hands that stray a little:
 
 # %%
-from mjskip.sweeps.design import normal
-
 data = mjskip.sweep(
     "lake",
     {"spin": 2 * np.pi * np.array([0.0, 2.0, 5.0, 15.0, 40.0])},
