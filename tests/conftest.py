@@ -85,24 +85,8 @@ def immersed(triangles):
     return total, centroid
 
 
-def ahead_by_rayleigh(r, centroid, normal, velocity, radius):
-    """Levers (m, 3) to the pressure centre of strips along the motion, world axes; still water."""
-    across = normal @ velocity
-    along = velocity - across[:, None] * normal
-    length = np.linalg.norm(along, axis=1)
-    t = np.divide(along, length[:, None], out=np.zeros_like(along), where=length[:, None] > 0)
-    b = np.sum(r * t, axis=1)
-    to_front = np.sqrt(np.maximum(radius**2 - np.sum(r * r, axis=1) + b**2, 0.0)) - b
-    with np.errstate(all="ignore"):
-        to_waterline = np.where(t[:, 2] > 0, -centroid[:, 2] / t[:, 2], np.inf)
-    strip = np.minimum(np.maximum(to_front, 0.0), to_waterline)
-    theta = np.arctan2(np.abs(across), length)
-    share = 2.0 * 0.75 * np.cos(theta) / (4.0 + np.pi * np.sin(theta))
-    return r + (share * strip)[:, None] * t
-
-
 def twin(stone, water, position, q, velocity, omega, *, handed=1.0):
-    """Equations (1)-(4) and the other laws: vectorised, in world axes, written from the papers.
+    """Equations (1)-(4) and the other laws whose load acts at centroids: vectorised, in world axes, from the papers.
 
     handed = -1 is the paper as printed, V_i = r x omega and tau = F x r.
 
@@ -115,8 +99,6 @@ def twin(stone, water, position, q, velocity, omega, *, handed=1.0):
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     area, centroid = immersed(triangles)
     r = centroid - position
-    if water.law.endswith("_forward"):
-        r = ahead_by_rayleigh(r, centroid, normal, velocity, stone.radius)
     at_face = velocity + handed * np.cross(omega, r)
     vn = np.einsum("nj,nj->n", at_face, normal)
     vn_centre = normal @ velocity
@@ -128,9 +110,10 @@ def twin(stone, water, position, q, velocity, omega, *, handed=1.0):
     push = {
         "lee2010": lambda: vn[:, None] ** 2 * normal,
         "nagahiro2005": lambda: 0.5 * 1.4 * vn[:, None] ** 2 * normal,
+        "birkhoff1944": lambda: 0.5 * vn[:, None] ** 2 * normal,
         "rosellini2005": lambda: 0.5 * speed * vn[:, None] * normal,
         "bocquet2003": lambda: 0.5 * speed**2 * normal + 0.5 * speed**2 * along,
-    }[water.law.removesuffix("_forward")]()
+    }[water.law]()
     forces = -water.density * np.where(loaded, area, 0.0)[:, None] * push
     torque = handed * np.cross(r, forces).sum(axis=0)
     n = turn @ stone.disc_normal

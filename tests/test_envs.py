@@ -141,7 +141,7 @@ def test_the_arm_throws_as_in_its_scene():
         # the signal in the middle of the step, for which it is held
         now = (step + 0.5) * 0.005
         joints = [np.interp(now, s[::2], s[1::2]) for s in signals] / largest
-        grip = 1.0 if step * 0.005 >= arm.releases["grip"] - 1e-9 else -1.0
+        grip = 1.0 if step * 0.005 >= arm.release_times["grip"] - 1e-9 else -1.0
         _, reward, over, _, info = env.step(np.array([*joints, grip]))
         total, step = total + reward, step + 1
     flight = simulate("thrower")

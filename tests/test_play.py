@@ -21,11 +21,12 @@ from scipy.spatial.transform import Rotation
 from mjskip import Stone, Throw
 from mjskip.cli import main
 from mjskip.errors import MjskipError, SceneError
-from mjskip.play.player import AFTER, MOST_AT_ONCE, Pace, Player, Replay, pose
+from mjskip.play.player import AFTER, MOST_AT_ONCE, Pace, Player, Replay
 from mjskip.play.settings import Settings
 from mjskip.play.surface import EVEN, HORIZON, SHAPE, DrawnWater, axis
-from mjskip.play.thrown import Shelf, table, turned
+from mjskip.play.thrown import Thrower, table, turned
 from mjskip.throws.scene import load_scene
+from mjskip.throws.trajectory import pose_at
 from mjskip.waves.lake import Lake
 
 PATIENCE = 120.0  # [s]: only a hang takes longer, even where other work fills the machine
@@ -33,7 +34,7 @@ PATIENCE = 120.0  # [s]: only a hang takes longer, even where other work fills t
 
 @pytest.fixture(scope="module")
 def shelf(lake):
-    with contextlib.closing(Shelf(lake)) as shelf:
+    with contextlib.closing(Thrower(lake)) as shelf:
         yield shelf
 
 
@@ -157,9 +158,9 @@ def test_a_heavier_stone_of_the_same_shape_goes_deeper_at_its_first_touch(shelf,
     assert depths[1] > depths[0]
 
 
-def test_the_shelf_of_stones_does_not_grow_without_end(lake, default, monkeypatch):
+def test_the_thrower_of_stones_does_not_grow_without_end(lake, default, monkeypatch):
     monkeypatch.setattr("mjskip.play.thrown.MOST_STONES", 2)
-    with contextlib.closing(Shelf(lake)) as shelf:
+    with contextlib.closing(Thrower(lake)) as shelf:
         for radius in (3, 4, 5, 6):
             shelf.model_file(default.changed({"stone": "pebble", "radius": radius}))
         assert len(shelf._made) == 2
@@ -175,7 +176,7 @@ def test_a_throw_too_fast_for_its_time_step_is_doubted_on_the_page(shelf, defaul
 
 def test_an_arms_throw_is_not_the_pages_to_choose():
     with pytest.raises(SceneError, match="thrown by the arm"):
-        Shelf(load_scene("thrower"))
+        Thrower(load_scene("thrower"))
 
 
 def test_throws_from_many_tabs_at_once_are_those_made_alone(shelf, default):
@@ -304,11 +305,11 @@ def test_the_water_of_the_show_gets_the_impulse_that_the_stone_got(thrown):
 
 def test_a_frame_shows_the_stone_where_it_was(thrown):
     flight = thrown.chosen
-    position, attitude = pose(flight, 0.2)
+    position, attitude = pose_at(flight, 0.2)
     row = int(np.searchsorted(flight.time, 0.2, side="right")) - 1
     np.testing.assert_array_equal(position, flight.x[row])
     assert Rotation.from_quat(attitude, scalar_first=True).as_matrix()[2, 2] > 0.5
-    assert (pose(flight, 1e9)[0] == flight.x[-1]).all()
+    assert (pose_at(flight, 1e9)[0] == flight.x[-1]).all()
 
 
 class Stage:
@@ -522,7 +523,7 @@ def test_no_page_can_make_the_playground_public(playground):
 
 
 def test_the_default_throw_skips_on_the_page_as_at_the_command_line(playground, default):
-    assert playground._shelf.throw(default).skips >= 2
+    assert playground._thrower.throw(default).skips >= 2
 
 
 @contextlib.contextmanager

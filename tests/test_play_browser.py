@@ -126,7 +126,7 @@ def test_a_throw_from_the_page_is_the_servers_throw_and_stays_in_its_tab(lake, n
         wait_until(page, lambda: tab.thrown is not None)
         first = tab.thrown
         assert first.settings == asked
-        alone = playground._shelf.throw(asked)
+        alone = playground._thrower.throw(asked)
         assert first.skips == alone.skips
         expect_text(page, in_words(alone.skips))
         rows = page.locator("table.touches tbody tr")

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from mjskip.hydro.laws import LAWS
+from mjskip.hydro.packing import pack, triangles_of
 from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
-from mjskip.hydro.wrench import pack, triangles_of, wrench_and_immersion
+from mjskip.hydro.wrench import wrench_and_immersion
 from mjskip.rigid.attitude import matrices
 from mjskip.rigid.body import body_row
 from mjskip.rigid.state import pack_states

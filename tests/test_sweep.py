@@ -17,7 +17,7 @@ from mjskip import Limits, Stone, Throw, Water, integrate, simulate
 from mjskip.cli import cli, main
 from mjskip.errors import DivergedError, MjskipError, MjskipWarning
 from mjskip.sweeps.design import Design, latin_hypercube, normal, span
-from mjskip.sweeps.job import RESULTS, WORDS, stretched
+from mjskip.sweeps.job import RESULTS, WORDS, scaled
 from mjskip.sweeps.plot import plot_sweep
 from mjskip.sweeps.store import open_sweep
 from mjskip.sweeps.sweep import chunk_shape, sweep
@@ -147,7 +147,7 @@ def test_every_result_has_a_unit_or_a_meaning_and_the_file_says_what_made_it():
 def test_a_stretched_disc_is_the_disc_of_those_dimensions(change):
     first = {"radius": 0.03, "thickness": 0.004}
     then = first | {change: 0.007 if change == "thickness" else 0.05}
-    ours = stretched(Stone.disc(**first), **{change: then[change]})
+    ours = scaled(Stone.disc(**first), **{change: then[change]})
     theirs = Stone.disc(**then)
     assert ours.mass == pytest.approx(theirs.mass, rel=1e-12)  # rounding
     np.testing.assert_allclose(ours.inertia, theirs.inertia, rtol=1e-12, atol=1e-18)
@@ -155,11 +155,11 @@ def test_a_stretched_disc_is_the_disc_of_those_dimensions(change):
 
 
 def test_a_heavier_stone_keeps_its_shape():
-    heavy = stretched(PEBBLE, stone_density=5200.0)  # pebbles are of granite, 2600
+    heavy = scaled(PEBBLE, stone_density=5200.0)  # pebbles are of granite, 2600
     assert heavy.mass == pytest.approx(2 * PEBBLE.mass, rel=1e-12)
     np.testing.assert_allclose(heavy.inertia, 2 * PEBBLE.inertia, rtol=1e-12, atol=1e-18)
     np.testing.assert_allclose(
-        stretched(PEBBLE, mass=heavy.mass).inertia, heavy.inertia, rtol=1e-12, atol=1e-18
+        scaled(PEBBLE, mass=heavy.mass).inertia, heavy.inertia, rtol=1e-12, atol=1e-18
     )
 
 

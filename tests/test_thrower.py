@@ -59,7 +59,7 @@ def test_the_thrown_stone_skips(flight):
 def test_the_hand_holds_the_stone_until_it_lets_go(scene):
     model, data = scene.model, mujoco.MjData(scene.model)
     hand, stone = model.body("hand").id, model.body("stone").id
-    release = scene.arm.releases["grip"]
+    release = scene.arm.release_times["grip"]
     while data.time < release - 1e-9:
         scene.arm.act(model, data)
         mujoco.mj_step(model, data)
@@ -76,7 +76,7 @@ def test_the_hand_holds_the_stone_until_it_lets_go(scene):
 
 
 def test_a_released_stone_falls_freely(scene, flight):
-    release = scene.arm.releases["grip"]
+    release = scene.arm.release_times["grip"]
     first = flight.contacts[0].entry.time
     air = (flight.time > release + 1e-3) & (flight.time < first - 1e-3)
     gained = flight.P[air][-1] - flight.P[air][0]
@@ -106,7 +106,7 @@ def test_the_sensor_of_the_scene_feels_the_touch(scene):
 
 
 def test_controls_are_linear_between_their_times_and_held_outside(scene):
-    arm = Arm(controls={"wrist": (0.1, 0.0, 0.2, 10.0)}, releases={})
+    arm = Arm(controls={"wrist": (0.1, 0.0, 0.2, 10.0)}, release_times={})
     data = mujoco.MjData(scene.model)
     seen = []
     for now in (0.0, 0.15, 0.9):
@@ -119,7 +119,7 @@ def test_controls_are_linear_between_their_times_and_held_outside(scene):
 @pytest.mark.parametrize("signal", [(), (1.0,), (0.0, 1.0, 2.0), (1.0, 0.0, 1.0, 2.0)])
 def test_a_signal_is_pairs_in_the_order_of_time(signal):
     with pytest.raises(ValueError, match="a time and a value in turn, times increasing"):
-        Arm(controls={"wrist": signal}, releases={})
+        Arm(controls={"wrist": signal}, release_times={})
 
 
 @pytest.mark.parametrize(

@@ -8,17 +8,14 @@ from dataclasses import asdict
 from typing import Any
 
 import click
-from rich.console import Console
 from rich.table import Table
 
 from mjskip import __version__
+from mjskip.cli.console import err, out, plain_table
 from mjskip.cli.options import chosen_scene, throw_options
 from mjskip.throws.comparison import LADDER, Comparison
 from mjskip.throws.comparison import compare as compare_solvers
 from mjskip.throws.simulate import largest_timestep
-
-out = Console(highlight=False)
-err = Console(stderr=True, highlight=False)
 
 
 @click.command()
@@ -86,7 +83,16 @@ def _report(path: Any, body: str, result: Comparison, advised: float) -> dict[st
 
 
 def _rows_table(result: Comparison) -> Table:
-    table = _table("solver", "step\nms", "flight\nm", "\ndeg", "touch\nm", "\ndeg", "a step\nµs")
+    table = plain_table(
+        "solver",
+        "step\nms",
+        "flight\nm",
+        "\ndeg",
+        "touch\nm",
+        "\ndeg",
+        "a step\nµs",
+        left=("solver",),
+    )
     last = ""
     for row in result.rows:
         solver = f"{row.engine} {row.integrator}"
@@ -106,7 +112,7 @@ def _rows_table(result: Comparison) -> Table:
 
 
 def _agreement_table(result: Comparison) -> Table:
-    table = _table("step\nms", "flight\nm", "\ndeg", "touch\nm", "\ndeg")
+    table = plain_table("step\nms", "flight\nm", "\ndeg", "touch\nm", "\ndeg")
     for row in result.agreement:
         table.add_row(
             f"{1e3 * row.timestep:g}",
@@ -119,19 +125,10 @@ def _agreement_table(result: Comparison) -> Table:
 
 
 def _order_table(result: Comparison) -> Table:
-    table = _table("solver", "smooth flight", "touch")
+    table = plain_table("solver", "smooth flight", "touch", left=("solver",))
     for order in result.orders:
         cells = ["-" if v is None else f"{v:.2f}" for v in (order.smooth_flight, order.touch)]
         table.add_row(f"{order.engine} {order.integrator}", *cells)
-    return table
-
-
-def _table(*headings: str) -> Table:
-    """A table without frames whose first column is text if it names solvers."""
-    table = Table(header_style="cyan", box=None, pad_edge=False, padding=(0, 1))
-    for heading in headings:
-        justify: Any = "left" if heading == "solver" else "right"
-        table.add_column(heading, justify=justify, no_wrap=True)
     return table
 
 

@@ -9,18 +9,10 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import click
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    ProgressColumn,
-    Task,
-    TextColumn,
-    TimeRemainingColumn,
-)
-from rich.text import Text
+from click.core import ParameterSource
 
+from mjskip._typing import Progress
+from mjskip.cli.console import err, progress_bar
 from mjskip.cli.options import Size
 from mjskip.draw.film import duel_of, render_duel, render_strip
 from mjskip.draw.render import (
@@ -44,8 +36,6 @@ CAMERA = "side"
 
 TARGETS = ("video", "frames", "strip", "picture", "side_by_side")
 FILMING = (*TARGETS, *(field.name for field in fields(Shot)))
-
-err = Console(stderr=True, highlight=False)
 
 
 def film_options(function: F) -> F:
@@ -100,6 +90,13 @@ def check_film(options: Mapping[str, Any]) -> None:
         raise ValueError("--picture says where --strip writes: give --strip N too")
     if options["side_by_side"] and options["video"] is None:
         raise ValueError("--side-by-side is about a video: give --video too")
+    if not _draws(options):
+        context = click.get_current_context()
+        for name in set(FILMING) - set(TARGETS):
+            if context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
+                raise ValueError(
+                    f"--{name} is about pictures: give --video, --frames or --strip too"
+                )
 
 
 def _picture(options: Mapping[str, Any]) -> Path:
@@ -128,17 +125,17 @@ def film(scene: Scene, trajectories: Mapping[str, Trajectory], options: Mapping[
     err.print(f"drawing with {renderer}{slow if is_software(renderer) else ''}")
     shot = _shot(options)
     if options["video"] is not None:
-        with _bar(options["video"]) as progress:
+        with _drawing(options["video"]) as progress:
             if options["side_by_side"]:
                 sides = duel_of(scene, trajectories)
                 render_duel(sides, options["video"], progress=progress, **shot)
             else:
                 render_video(scene, trajectories, options["video"], progress=progress, **shot)
     if options["frames"] is not None:
-        with _bar(options["frames"]) as progress:
+        with _drawing(options["frames"]) as progress:
             render_frames(scene, trajectories, options["frames"], progress=progress, **shot)
     if options["strip"] is not None:
-        with _bar(_picture(options)) as progress:
+        with _drawing(_picture(options)) as progress:
             moments = options["strip"]
             render_strip(
                 scene, trajectories, _picture(options), moments=moments, progress=progress, **shot
@@ -152,26 +149,8 @@ def _shot(options: Mapping[str, Any]) -> dict[str, Any]:
 
 
 @contextmanager
-def _bar(target: Path) -> Iterator[Callable[[int, int], None]]:
-    """A progress bar on stderr: call what is yielded with the frames done and to do."""
-    with Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("frames"),
-        _Rate(),
-        TimeRemainingColumn(),
-        console=err,
-        transient=True,
-    ) as progress:
-        task = progress.add_task(str(target), total=None)
-        yield lambda done, total: progress.update(task, completed=done, total=total)
+def _drawing(target: Path) -> Iterator[Progress]:
+    """A progress bar for what is drawn to a file or folder."""
+    with progress_bar(str(target), "frames") as progress:
+        yield progress
     err.print(f"wrote {target}")
-
-
-class _Rate(ProgressColumn):
-    """Frames per second."""
-
-    def render(self, task: Task) -> Text:
-        """The rate of a task as text."""
-        return Text(f"{task.speed:.0f}/s" if task.speed else "")

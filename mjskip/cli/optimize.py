@@ -9,18 +9,20 @@ from typing import Any
 
 import click
 from rich.box import SIMPLE_HEAD
-from rich.console import Console
 from rich.table import Table
 
 from mjskip import __version__
-from mjskip.cli.options import chosen_scene, throw_options
-from mjskip.cli.sweep import bar, number, pair, shown
+from mjskip.cli.console import out, preparing, progress_bar
+from mjskip.cli.options import (
+    chosen_limits,
+    chosen_scene,
+    limit_options,
+    throw_options,
+    timestep_option,
+)  # fmt: skip
+from mjskip.cli.sweep import number, pair, shown
 from mjskip.sweeps.optimize import GOALS, HAND, Best
 from mjskip.sweeps.optimize import optimize as search
-from mjskip.throws.recording import Limits
-
-out = Console(highlight=False)
-err = Console(stderr=True, highlight=False)
 
 PRACTISED = ", ".join(f"{name} {shown(name, sd)}" for name, sd in HAND.items())
 
@@ -46,8 +48,8 @@ PRACTISED = ", ".join(f"{name} {shown(name, sd)}" for name, sd in HAND.items())
 @click.option("--population", default=24, show_default=True, metavar="N", help="Candidates.")
 @click.option("--generations", default=20, show_default=True, metavar="N", help="At most.")
 @click.option("--seed", default=0, show_default=True, metavar="N")
-@click.option("--timestep", type=float, metavar="S", help="Time step.  [default: the scene's]")
-@click.option("--duration", type=float, default=5.0, show_default=True, metavar="S")
+@timestep_option
+@limit_options
 @click.option("--threads", type=int, metavar="N", help="[default: all]")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout, SI units.")
 def optimize(
@@ -61,6 +63,7 @@ def optimize(
     seed: int,
     timestep: float | None,
     duration: float,
+    max_contact: float,
     threads: int | None,
     as_json: bool,
     **throw: Any,
@@ -70,10 +73,10 @@ def optimize(
         raise click.UsageError("--perfect and --scatter exclude each other")
     ranges = dict(pair(text) for text in limits)
     hand = {} if perfect else dict(number(text) for text in scatter) or None
-    with err.status("preparing: the first run on a machine compiles for some seconds"):
+    with preparing():
         scene = chosen_scene(**throw)
     begun = time.perf_counter()
-    with bar("generations") as progress:
+    with progress_bar("search", "generations") as progress:
         best = search(
             scene.stone,
             ranges,
@@ -84,8 +87,8 @@ def optimize(
             members=members,
             population=population,
             generations=generations,
-            timestep=timestep or float(scene.model.opt.timestep),
-            limits=Limits(duration=duration),
+            timestep=float(scene.model.opt.timestep) if timestep is None else timestep,
+            limits=chosen_limits(duration, max_contact),
             threads=threads,
             seed=seed,
             progress=progress,

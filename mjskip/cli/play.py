@@ -8,12 +8,9 @@ import warnings
 from typing import Any
 
 import click
-from rich.console import Console
 
+from mjskip.cli.console import preparing
 from mjskip.throws.scene import load_scene
-
-out = Console(highlight=False, soft_wrap=True)
-err = Console(stderr=True, highlight=False)
 
 
 @click.command()
@@ -45,7 +42,7 @@ def play(scene: str, body: str | None, host: str, port: int) -> None:
     def end(*_: Any) -> None:
         ended.set()
 
-    with err.status("preparing: the first run on a machine compiles for some seconds"):
+    with preparing():
         playground = Playground(load_scene(scene, body=body), host=host, port=port)
     before = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
     try:

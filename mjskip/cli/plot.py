@@ -5,15 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import click
-from rich.console import Console
 
+from mjskip.cli.console import err
 from mjskip.draw.plot import plot_runs
 from mjskip.sweeps.job import RESULTS
 from mjskip.sweeps.plot import plot_sweep
 from mjskip.sweeps.store import is_sweep, open_sweep
 from mjskip.throws.trajectory import Trajectory
-
-err = Console(stderr=True, highlight=False)
 
 
 @click.command()

@@ -3,26 +3,29 @@
 from __future__ import annotations
 
 import json
-import math
 from pathlib import Path
 from typing import Any
 
 import click
-from rich.console import Console
 from rich.table import Table
 
 from mjskip import __version__
+from mjskip.cli.console import err, out, plain_table, preparing
 from mjskip.cli.filming import FILMING, check_film, check_stage, film, film_options
-from mjskip.cli.options import chosen_scene, throw_options
+from mjskip.cli.options import (
+    chosen_limits,
+    chosen_scene,
+    limit_options,
+    surface_option,
+    throw_options,
+    timestep_option,
+)  # fmt: skip
 from mjskip.files import check_target
-from mjskip.throws.recording import Limits
+from mjskip.throws.report import COLUMNS, skip_rows
 from mjskip.throws.scene import Scene
-from mjskip.throws.simulate import ENGINES, SURFACES, simulate_all
+from mjskip.throws.simulate import ENGINES, simulate_all
 from mjskip.throws.throw import PARAMETERS
 from mjskip.throws.trajectory import ENDS, Trajectory
-
-out = Console(highlight=False)
-err = Console(stderr=True, highlight=False)
 
 
 @click.command()
@@ -33,15 +36,9 @@ err = Console(stderr=True, highlight=False)
     metavar="NAME",
     help="mujoco: Euler, implicit, implicitfast, RK4; reference: euler, midpoint, rk4, adaptive.",
 )
-@click.option("--timestep", type=float, metavar="S", help="Time step.  [default: the scene's]")
-@click.option("--duration", type=float, default=5.0, show_default=True, metavar="S")
-@click.option(
-    "--surface",
-    type=click.Choice(SURFACES),
-    default="still",
-    show_default=True,
-    help="What stones feel: the undisturbed level, or the moving surface (two-way).",
-)
+@timestep_option
+@limit_options
+@surface_option
 @click.option("--own-dent", is_flag=True, help="Over waves, stones feel their own dent too.")
 @click.option("--frozen-attitude", is_flag=True, help="No spin, and the stone cannot turn.")
 @film_options
@@ -54,6 +51,7 @@ def run(
     integrator: str | None,
     timestep: float | None,
     duration: float,
+    max_contact: float,
     surface: Any,
     own_dent: bool,
     frozen_attitude: bool,
@@ -70,8 +68,8 @@ def run(
         if save.suffix != ".nc":
             raise click.UsageError(f"--save is {str(save)!r}: NetCDF files end in .nc")
         check_target(save)
-    limits = Limits(duration=duration)
-    with err.status("preparing: the first run on a machine compiles for some seconds"):
+    limits = chosen_limits(duration, max_contact)
+    with preparing():
         scene = chosen_scene(**options)
         check_stage(scene, filming)
         trajectories = simulate_all(
@@ -130,36 +128,9 @@ def report(scene: Scene, trajectory: Trajectory) -> dict[str, Any]:
 
 def skip_table(trajectory: Trajectory) -> Table:
     """The touches of one stone, a row each."""
-    table = Table(header_style="cyan", box=None, pad_edge=False, padding=(0, 1))
-    for heading, unit in (
-        ("", ""),
-        ("time", "s"),
-        ("distance", "m"),
-        ("in", "m/s"),
-        ("out", "m/s"),
-        ("attack", "deg"),
-        ("bank", "deg"),
-        ("depth", "mm"),
-        ("contact", "ms"),
-        ("airtime", "ms"),
-    ):
-        table.add_column(f"{heading}\n{unit}", justify="right")
-    start = trajectory.x[0]
-    for number, contact in enumerate(trajectory.contacts, 1):
-        entry, left = contact.entry, contact.exit
-        away = math.hypot(entry.position[0] - start[0], entry.position[1] - start[1])
-        table.add_row(
-            str(number),
-            f"{entry.time:.3f}",
-            f"{away:.2f}",
-            f"{entry.speed:.2f}",
-            f"{left.speed:.2f}" if left else "-",
-            f"{math.degrees(entry.attack):.1f}",
-            f"{math.degrees(entry.bank):.1f}",
-            f"{1e3 * contact.depth:.1f}",
-            f"{1e3 * (left.time - entry.time):.1f}" if left else "stayed",
-            f"{1e3 * contact.airtime:.0f}" if left else "-",
-        )
+    table = plain_table("\n", *(f"{name}\n{unit}" for name, (unit, _) in COLUMNS.items()))
+    for row in skip_rows(trajectory):
+        table.add_row(*row)
     return table
 
 

@@ -3,41 +3,31 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    ProgressColumn,
-    Task,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
-from rich.text import Text
 
-from mjskip.cli.options import chosen_scene, throw_options
+from mjskip.cli.console import err, out, preparing, progress_bar
+from mjskip.cli.options import (
+    chosen_limits,
+    chosen_scene,
+    limit_options,
+    throw_options,
+    timestep_option,
+)  # fmt: skip
 from mjskip.sweeps.batch import AIRS
 from mjskip.sweeps.design import NAMED, PARAMETERS, latin_hypercube, normal, span
 from mjskip.sweeps.plot import check_picture, plot_sweep
 from mjskip.sweeps.sweep import CHUNK
 from mjskip.sweeps.sweep import sweep as run_sweep
-from mjskip.throws.recording import Limits
 from mjskip.throws.simulate import ENGINES
 from mjskip.throws.throw import PARAMETERS as THROW
 
 if TYPE_CHECKING:
     import xarray as xr
 
-out = Console(highlight=False)
-err = Console(stderr=True, highlight=False)
 
 UNITS = "degrees for angles, rev/s for spin and wobble, SI for the rest"
 
@@ -60,9 +50,9 @@ UNITS = "degrees for angles, rev/s for spin and wobble, SI for the rest"
 @click.option("--seed", default=0, show_default=True, metavar="N")
 @click.option("--engine", type=click.Choice(ENGINES), default="reference", show_default=True)
 @click.option("--integrator", metavar="NAME", help="Of the engine.  [default: rk4, or the scene's]")
-@click.option("--timestep", type=float, metavar="S", help="Time step.  [default: the scene's]")
+@timestep_option
 @click.option("--air", type=click.Choice(AIRS), default="adaptive", show_default=True)
-@click.option("--duration", type=float, default=5.0, show_default=True, metavar="S")
+@limit_options
 @click.option(
     "--save", type=click.Path(path_type=Path), metavar="FILE", help="Zarr store; resumable."
 )
@@ -83,6 +73,7 @@ def sweep(
     timestep: float | None,
     air: Any,
     duration: float,
+    max_contact: float,
     save: Path | None,
     plot: Path | None,
     chunk: int,
@@ -100,10 +91,10 @@ def sweep(
     if bell:
         points |= normal(dict(pair(t) for t in bell), count=samples, seed=seed + 1)
     spread = {name: (0.0, sd) for name, sd in (number(text) for text in scatter)}
-    with err.status("preparing: the first run on a machine compiles for some seconds"):
+    with preparing():
         scene = chosen_scene(**throw)
     begun = time.perf_counter()
-    with bar("throws") as progress:
+    with progress_bar("sweep", "throws") as progress:
         data = run_sweep(
             scene,
             axes,
@@ -112,7 +103,7 @@ def sweep(
             engine=engine,
             integrator=integrator,
             timestep=timestep,
-            limits=Limits(duration=duration),
+            limits=chosen_limits(duration, max_contact),
             air=air,
             path=save,
             chunk=chunk,
@@ -158,34 +149,6 @@ def shown(name: str, value: Any) -> str:
     if name not in THROW:
         return f"{value:.4g}"
     return THROW[name].text_of(value)
-
-
-@contextmanager
-def bar(label: str) -> Iterator[Callable[[int, int], None]]:
-    """A progress bar on stderr: call what is yielded with what is done and to do."""
-    with Progress(
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), _Rate(),
-        TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(), console=err, transient=True,
-    ) as progress:  # fmt: skip
-        task = progress.add_task(label, total=None)
-        begun = False
-
-        def update(done: int, total: int) -> None:
-            nonlocal begun
-            if not begun:  # what a store held already was not done now
-                progress.reset(task, total=total, completed=done)
-                begun = True
-            progress.update(task, completed=done, total=total)
-
-        yield update
-
-
-class _Rate(ProgressColumn):
-    """Throws per second."""
-
-    def render(self, task: Task) -> Text:
-        """The rate of a task as text."""
-        return Text(f"{task.speed:.0f}/s" if task.speed else "")
 
 
 def _split(text: str) -> tuple[str, str]:

@@ -6,29 +6,20 @@ import math
 from typing import Any
 
 import click
-from rich.console import Console
 
-from mjskip.cli.options import chosen_scene, throw_options
+from mjskip.cli.console import preparing
+from mjskip.cli.options import chosen_scene, surface_option, throw_options
 from mjskip.draw.view import view as show
-from mjskip.throws.simulate import SURFACES
-
-err = Console(stderr=True, highlight=False)
 
 
 @click.command()
 @throw_options
-@click.option(
-    "--surface",
-    type=click.Choice(SURFACES),
-    default="still",
-    show_default=True,
-    help="What stones feel: the undisturbed level, or the moving surface (two-way).",
-)
+@surface_option
 @click.option("--slow", type=float, default=1.0, show_default=True, help="Times slower.")
 @click.option("--seconds", type=float, metavar="S", help="Close by itself after this time.")
 def view(surface: Any, slow: float, seconds: float | None, **throw: Any) -> None:
     """Throw the stones of SCENE in MuJoCo's viewer: live forces, live water; Enter throws again."""
-    with err.status("preparing: the first run on a machine compiles for some seconds") as status:
+    with preparing() as status:
         seen = show(
             chosen_scene(**throw),
             surface=surface,

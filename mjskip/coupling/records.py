@@ -38,6 +38,7 @@ def make_record(hull: Hull, water: Water, inertia: Inertia, block: Array) -> Arr
         record[kernels.INVERSE_INERTIA : kernels.INVERSE_INERTIA + 9] = inverse.ravel()
     law = LAWS[water.law]
     coefficient = law.normal_squared + law.speed_normal + law.speed_squared + law.friction
+    coefficient += 0.25 * math.pi * law.cavity  # its slope where V.n is small
     record[kernels.DRAG_BOUND] = (
         water.density * coefficient * hull.area + water.air_density * hull.disc_area
     )

@@ -16,7 +16,7 @@ from mjskip.draw.scenery import ellipsoids_of, lake_of
 from mjskip.draw.skin import Grid, Surface, WaterSkin, add_water
 from mjskip.draw.video import Image
 from mjskip.errors import RenderError, SceneError
-from mjskip.throws.trajectory import Trajectory
+from mjskip.throws.trajectory import Trajectory, pose_at
 
 if TYPE_CHECKING:
     from mjskip.throws.scene import Scene
@@ -182,21 +182,6 @@ class Stage:
         if int(self.model.cam_mode[self._camera]) not in map(int, following):
             return None
         return float(self.data.cam_xpos[self._camera, 2])
-
-
-def pose_at(flight: Trajectory, time: float) -> tuple[Array, Array]:
-    """Centre of mass (3,) [m] and orientation (4,) between two rows; held beyond the ends."""
-    after = int(np.clip(np.searchsorted(flight.time, time), 1, max(len(flight.time) - 1, 1)))
-    if len(flight.time) == 1:
-        return flight.x[0], flight.q[0]
-    earlier, later = flight.time[after - 1], flight.time[after]
-    share = min(max((time - earlier) / (later - earlier), 0.0), 1.0) if later > earlier else 1.0
-    before = flight.q[after - 1]
-    # q and -q are one attitude: blend the nearer pair
-    beyond = flight.q[after] * (1.0 if before @ flight.q[after] >= 0.0 else -1.0)
-    attitude = (1.0 - share) * before + share * beyond
-    position = (1.0 - share) * flight.x[after - 1] + share * flight.x[after]
-    return position, attitude / np.linalg.norm(attitude)
 
 
 def _rotated(vector: Array, attitude: Array) -> Array:

@@ -1,6 +1,7 @@
 """What the force kernels know of a body: a block of doubles, body axes about the centre of mass.
 
-A header (the places below), then columns of faces, then a sphere about every group of faces. Number c of face i
+A header (the places below), then columns of faces, then a sphere about every group of faces, then the plane
+faces if the law needs them (`_strip_kernels`). Number c of face i
 stands at HEADER + c STRIDE + i: columns let a loop over faces run in vector registers. Faces of a group lie near
 each other, so that many of a large body are passed over at once. The last columns are filled up to a multiple
 of WIDTH with points without area.
@@ -22,16 +23,22 @@ WEIGHT_DENSITY = 16  # rho g if the water bears [N/m^3], or 0
 SKIN_DENSITY = 17  # rho if the water rubs, or 0
 VISCOSITY = 18  # kinematic [m^2/s]
 LENGTH = 19  # of the body along the flow, for its Reynolds number [m]
-FORWARD = 20  # 1: the load of a face acts ahead of the middle of its wet part, by Rayleigh
+FORWARD = 20  # 1: the load of a plane face acts ahead of the middle of its wet strips, by Rayleigh
 STRIDE = 21  # faces in a column, filled up to a multiple of WIDTH
 VOLUME = 22  # inside the closed mesh [m^3]
 VOLUME_CENTRE = 23  # its centroid (3)
-HEADER = 26
+CAVITY = 26
+QUADRATURE = 27  # 1: loads are integrated over each triangle, 0: taken at its centroid
+N_PLANES = 28  # plane faces, if the law needs them
+PLANES = 29  # where they begin in the block
+MOST_EDGES = 30  # of one of them
+HEADER = 31
 
 CORNERS = 0  # a, b, c (9)
 AREA = 9
 FACES = 10  # from here on as for pieces of faces
-COLUMNS = 19
+PLANE = 19  # where the face's plane begins in the block, or 0
+COLUMNS = 20
 
 # columns of faces, and of the wet pieces of faces
 NORMAL = 0  # outward, unit (3)
@@ -43,6 +50,11 @@ PIECE = 10
 WIDTH = 8  # doubles of the widest vector register
 GROUP = 32  # faces, a multiple of WIDTH
 SPHERE = 4  # centre (3) and radius about the faces of a group
+
+# a plane face: normal (3), distance, number of edges, then the edges' ends
+EDGES = 4
+OUTLINE = 5
+EDGE = 6
 
 # a patch of moving surface
 PATCH_X = 0  # of its first point

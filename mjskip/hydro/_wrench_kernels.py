@@ -12,7 +12,6 @@ Over still water the faces that are quite under it are loaded straight from the 
 cuts are few, and their wet pieces are put into columns of their own.
 """
 
-import math
 from typing import Any
 
 import numpy as np
@@ -48,6 +47,7 @@ from mjskip.hydro._block import (
     OMEGA,
     PATCH_HIGHEST,
     PIECE,
+    QUADRATURE,
     RADIUS,
     RISE,
     RISING,
@@ -62,8 +62,10 @@ from mjskip.hydro._block import (
     WIDTH,
 )
 from mjskip.hydro._clip_kernels import column, immersed_part
+from mjskip.hydro._integral_kernels import add_integrals
 from mjskip.hydro._load_kernels import add_buoyancy, add_law, add_skin_friction, add_sums
 from mjskip.hydro._patch_kernels import patch_of, surface_at
+from mjskip.hydro._strip_kernels import add_strips
 from mjskip.hydro.columns import WRENCH
 
 RUN = 256
@@ -74,47 +76,16 @@ PIECES = 520
 
 
 @kernel
-def pressure_centre(
-    rx: float, ry: float, rz: float, nx: float, ny: float, nz: float,
-    vx: float, vy: float, vz: float, ux: float, uy: float, uz: float,
-    depth: float, radius: float,
-) -> tuple[float, float, float]:  # fmt: skip
-    """Where the load of a piece of a face acts when the flow of water along the face is counted.
-
-        x / l = 3/4 cos(theta) / (4 + pi sin(theta))
-
-    ahead of the middle of a plate of length l at an angle theta to a stream that leaves a cavity behind it:
-    Rayleigh, Phil. Mag. (5) 2:430 (1876); Lamb, Hydrodynamics, art. 77. The wet face is taken as such plates
-    side by side, strips along the motion. A strip begins where the face leaves the water, or at the front of
-    the body (the sphere that holds it). A piece whose centroid lies s behind that is moved by 2 s x / l: s
-    is l / 2 on average over a strip, so the strip's load acts where it should however it is cut.
-    """
-    vn = vx * nx + vy * ny + vz * nz
-    sx, sy, sz = vx - vn * nx, vy - vn * ny, vz - vn * nz
-    along = math.sqrt(sx * sx + sy * sy + sz * sz)
-    if along == 0.0:
-        return rx, ry, rz
-    sx, sy, sz = sx / along, sy / along, sz / along
-    ahead = rx * sx + ry * sy + rz * sz
-    room = radius * radius - (rx * rx + ry * ry + rz * rz) + ahead * ahead
-    way = max(math.sqrt(max(room, 0.0)) - ahead, 0.0)
-    rise = sx * ux + sy * uy + sz * uz
-    if rise * way > depth:
-        way = depth / rise
-    way *= 1.5 * along / (4.0 * math.sqrt(along * along + vn * vn) + math.pi * abs(vn))
-    return rx + way * sx, ry + way * sy, rz + way * sz
-
-
-@kernel
 def body_wrench(block: Any, state: Any, out: Any) -> None:
     """Force and torque of water and air about the centre of mass, world frame, into out (12,).
 
         F_i = -S_im [ (a (V.n)^2 + b U (V.n) + c U^2) n + d U^2 t ],  tau_i = r_i x F_i
         F_air = -rho_air (V.n) |V.n| S_disc n,  tau_air = r x F_air
 
-    r_i runs to the centroid of the immersed part of triangle i, or to the pressure centre of its strips
-    (`pressure_centre`). V is taken against the water, which moves up and down with its surface; U and the
-    gate of the paper take the surface under the centre of mass.
+    r_i runs to the centroid of the immersed part of triangle i; with `quadrature` the load is integrated over it
+    (`_integral_kernels`), and a `forward` law takes plane faces as strips (`_strip_kernels`). V is taken against
+    the water, which moves up and down with its surface; U and the gate of the paper take the surface under the
+    centre of mass.
     """
     # velocity, angular velocity and the upward vertical in body axes
     ux, uy, uz = state[9], state[10], state[11]
@@ -149,16 +120,28 @@ def body_wrench(block: Any, state: Any, out: Any) -> None:
         motion[VELOCITY], motion[VELOCITY + 1] = vx - rising * ux, vy - rising * uy
         motion[VELOCITY + 2] = vz - rising * uz
         motion[OMEGA], motion[OMEGA + 1], motion[OMEGA + 2] = wx, wy, wz
-        _add_water(block, state, motion, patch, sums)
+        if block[FORWARD] != 0.0:
+            add_strips(block, state, motion, patch, sums)
+        elif block[QUADRATURE] != 0.0:
+            add_integrals(block, state, motion, patch, sums)
+        if not _integrated(block) or block[WEIGHT_DENSITY] + block[SKIN_DENSITY] != 0.0:
+            _add_faces(block, state, motion, patch, sums)
         # no comparison holds for not-a-number, so that no face would be loaded
         sums[0] += 0.0 * (state[2] + ux + uy + uz + vx + vy + vz + wx + wy + wz)
     _to_world(state, sums[0], sums[1], sums[2], out, 0)
     _to_world(state, sums[3], sums[4], sums[5], out, 3)
 
 
+@inlined
+def _integrated(block: Any) -> bool:
+    """Whether the law's load is integrated over faces, not taken at the centroids of triangles."""
+    found: bool = block[FORWARD] + block[QUADRATURE] != 0.0
+    return found
+
+
 @kernel
-def _add_water(block: Any, state: Any, motion: Any, patch: Any, sums: Any) -> None:
-    """Count the loads of the water on all faces, a run of groups at a time."""
+def _add_faces(block: Any, state: Any, motion: Any, patch: Any, sums: Any) -> None:
+    """Count the loads that are summed over faces, a run of groups at a time."""
     n = int(block[STRIDE])
     groups = (n + GROUP - 1) // GROUP
     highest = patch[PATCH_HIGHEST] if patch.size > 0 else 0.0
@@ -181,7 +164,7 @@ def _add_water(block: Any, state: Any, motion: Any, patch: Any, sums: Any) -> No
         count = min(group * GROUP, n) - first
         if side == ABOVE:
             continue
-        if patch.size > 0 or block[FORWARD] != 0.0:
+        if patch.size > 0:
             for i in range(count):
                 below[i] = 1.0  # a piece of every wet face
         elif side == BELOW:
@@ -228,7 +211,8 @@ def _add_whole_faces(
     """Count the loads of faces that are quite under still water, straight from the block."""
     n = int(block[STRIDE])
     faces = place_of(block, HEADER + FACES * n + first)
-    add_law(block, motion, faces, n, areas, count, False, sums)
+    if not _integrated(block):
+        add_law(block, motion, faces, n, areas, count, False, sums)
     add_skin_friction(block, motion, faces, n, areas, count, False, sums)
     if weight != 0.0:
         add_buoyancy(block, motion, first, count, areas, sums)
@@ -336,29 +320,8 @@ def _add_pieces(
             pieces[k * PIECES + filled] = 0.0
         filled += 1
     add_skin_friction(block, motion, pieces, PIECES, areas, filled, waves, sums)
-    if block[FORWARD] != 0.0:
-        _move_ahead(block, state, motion, patch, pieces, count)
-    add_law(block, motion, pieces, PIECES, areas, filled, waves, sums)
-
-
-@kernel
-def _move_ahead(block: Any, state: Any, motion: Any, patch: Any, pieces: Any, count: int) -> None:
-    """Move the points where the loads of pieces act from their centroids to the pressure centres."""
-    z, ux, uy, uz = motion[HEIGHT], motion[UP], motion[UP + 1], motion[UP + 2]
-    vx, vy, vz = motion[VELOCITY], motion[VELOCITY + 1], motion[VELOCITY + 2]
-    for k in range(count):
-        nx, ny, nz = pieces[k], pieces[k + PIECES], pieces[k + 2 * PIECES]
-        rx, ry, rz = pieces[k + 3 * PIECES], pieces[k + 4 * PIECES], pieces[k + 5 * PIECES]
-        depth = -(z + ux * rx + uy * ry + uz * rz)
-        if patch.size > 0:
-            depth += surface_at(patch, state, rx, ry, rz, 0)
-        rx, ry, rz = pressure_centre(
-            rx, ry, rz, nx, ny, nz, vx, vy, vz, ux, uy, uz, depth, block[RADIUS]
-        )
-        _put(pieces, k + ARM * PIECES, ry * nz - rz * ny, rz * nx - rx * nz, rx * ny - ry * nx)
-        _put(pieces, k + CENTROID * PIECES, rx, ry, rz)
-        if patch.size > 0:
-            pieces[k + RISE * PIECES] = surface_at(patch, state, rx, ry, rz, 1)
+    if not _integrated(block):
+        add_law(block, motion, pieces, PIECES, areas, filled, waves, sums)
 
 
 @kernel

@@ -2,15 +2,18 @@
 
 Every law of the literature on skipping stones is one formula with other coefficients,
 
-    F = -rho S [ (a (V.n)^2 + b U (V.n) + c U^2) n + d U^2 t ]
+    F = -rho S [ (a (V.n)^2 + b U (V.n) + c U^2 + e U^2 pi (V.n) / (4 U + pi |V.n|)) n + d U^2 t ]
 
 S immersed area of the face, n its outward normal, V its velocity through the water at the centroid of
 the immersed part, U the speed of the stone's centre of mass, t the unit vector of the motion of the
 centre of mass along the face. U and t belong to the stone, not to the face: the rim of a spinning disc
 is fast in its own plane, and neither lift nor friction of these laws was measured on that motion.
 
-The literature lets F act at the centroid of the immersed part. Water under a plate presses most near its
-front; `forward` moves F to the pressure centre of Rayleigh (1876), see docs/validation.md.
+The term e is the flow past a plate with a cavity behind it (Kirchhoff, Rayleigh); it stands alone in a law, and
+where a part of a loaded face recedes it is odd in V.n, as the linear term is.
+The literature lets F act at the centroid of the immersed part. Water under a plate presses most near its front;
+`forward` moves F to the pressure centre of Rayleigh (1876), see docs/validation.md: then plane faces are taken as
+strips along the motion (`mjskip.hydro._strip_kernels`) and F is integrated over them.
 """
 
 from dataclasses import dataclass
@@ -25,6 +28,7 @@ class ForceLaw:
         speed_normal: b, of U (V.n).
         speed_squared: c, of U^2 against the normal.
         friction: d, of U^2 along the face.
+        cavity: e, of a plate with a cavity behind it; only with `forward`.
         forward: whether F acts ahead of the middle of the wet strips of the face, by Rayleigh.
         source: where the law comes from.
     """
@@ -33,8 +37,13 @@ class ForceLaw:
     speed_normal: float = 0.0
     speed_squared: float = 0.0
     friction: float = 0.0
+    cavity: float = 0.0
     forward: bool = False
     source: str
+
+    def __post_init__(self) -> None:
+        if (self.cavity and not self.forward) or (self.friction and self.forward):
+            raise ValueError("a law with a cavity is `forward`, and one with friction is not")
 
 
 LAWS: dict[str, ForceLaw] = {
@@ -64,5 +73,15 @@ LAWS: dict[str, ForceLaw] = {
         speed_normal=0.5,
         forward=True,
         source="rosellini2005 at the pressure centre of Rayleigh, Phil. Mag. (5) 2:430, 1876",
+    ),
+    "rayleigh1876_forward": ForceLaw(
+        cavity=1.0,
+        forward=True,
+        source="Rayleigh, Phil. Mag. (5) 2:430, 1876: load and pressure centre of a plate with a cavity behind it",
+    ),
+    "birkhoff1944": ForceLaw(
+        normal_squared=0.5,
+        source="Birkhoff et al., 1944, and Johnson & Reid, J. Mech. Eng. Sci. 17:71, 1975, as quoted by others: "
+        "1/2 rho (V.n)^2 on a sphere",
     ),
 }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Literal, get_args
 
 from mjskip.checks import check_choice, check_number, check_switch
@@ -27,6 +27,10 @@ class Water:
         skin_friction: whether the water rubs along every immersed face (ITTC 1957), so that what floats
             comes to rest.
         viscosity: kinematic, of the water [m^2/s]; only for skin friction.
+        quadrature: whether the load of a law is integrated over the immersed part of each triangle (and, by the
+            gate "local", over that part of it which advances), instead of taken at its centroid as the paper
+            does: a spinning body's load then does not depend on how its faces are cut into triangles. Laws that
+            act `forward` are always integrated.
         law: name of the force on an immersed face, a key of `mjskip.hydro.laws.LAWS`.
 
     Raises:
@@ -41,6 +45,7 @@ class Water:
     buoyancy: bool = False
     skin_friction: bool = False
     viscosity: float = 1.0e-6
+    quadrature: bool = False
 
     @classmethod
     def floating(
@@ -53,11 +58,13 @@ class Water:
         buoyancy: bool = True,
         skin_friction: bool = True,
         viscosity: float = 1.0e-6,
+        quadrature: bool = False,
     ) -> Water:
         """Water for what floats: it bears, it rubs, and it never gives energy (gate "local")."""
         return cls(
             density=density, air_density=air_density, gate=gate, law=law, buoyancy=buoyancy,
             skin_friction=skin_friction, viscosity=viscosity,
+            quadrature=quadrature,
         )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -65,7 +72,7 @@ class Water:
             unit = "m^2/s" if name == "viscosity" else "kg/m^3"
             number = check_number(name, getattr(self, name), low=0.0, unit=unit)
             object.__setattr__(self, name, number)
-        for name in ("buoyancy", "skin_friction"):
+        for name in SWITCHES:
             object.__setattr__(self, name, check_switch(name, getattr(self, name)))
         check_choice("gate", self.gate, GATES)
         check_choice("law", self.law, tuple(LAWS))
@@ -73,3 +80,7 @@ class Water:
             raise ValueError(
                 "viscosity is 0 and skin_friction is on: give a viscosity above 0 [m^2/s]"
             )
+
+
+SWITCHES = tuple(each.name for each in fields(Water) if isinstance(each.default, bool))
+"""Fields of `Water` that are on or off."""

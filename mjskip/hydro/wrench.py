@@ -13,11 +13,10 @@ from numba import types
 
 from mjskip._compile.jit import native
 from mjskip._compile.pointers import F8P, address_of_cfunc
-from mjskip.hydro import _block as layout
 from mjskip.hydro import _wrench_kernels as kernels
 from mjskip.hydro.columns import LOAD, load_columns
 from mjskip.hydro.hull import Hull
-from mjskip.hydro.laws import LAWS
+from mjskip.hydro.packing import pack as pack
 from mjskip.hydro.water import Water
 from mjskip.rigid.attitude import matrices
 from mjskip.rigid.state import pack_states
@@ -89,84 +88,6 @@ def wrench_of(block: Array, states: Array) -> Wrench:
     row = load_columns(wrench_and_immersion(block, states[:1])[0])._asdict()
     row |= {"wetted_area": float(row["wetted_area"]), "clearance": float(row["clearance"])}
     return Wrench(**row)
-
-
-def pack(stone: Hull, water: Water, *, gravity: float = 9.81) -> Array:
-    """The block of doubles that the kernels know a stone in its water by; gravity [m/s^2] for buoyancy."""
-    law = LAWS[water.law]
-    header = np.zeros(layout.HEADER)
-    header[layout.RADIUS] = stone.radius
-    header[layout.LOCAL_GATE] = water.gate == "local"
-    header[layout.NORMAL_SQUARED] = water.density * law.normal_squared
-    header[layout.SPEED_NORMAL] = water.density * law.speed_normal
-    header[layout.SPEED_SQUARED] = water.density * law.speed_squared
-    header[layout.FRICTION] = water.density * law.friction
-    header[layout.FORWARD] = law.forward
-    header[layout.WEIGHT_DENSITY] = water.density * gravity if water.buoyancy else 0.0
-    header[layout.SKIN_DENSITY] = water.density if water.skin_friction else 0.0
-    header[layout.VISCOSITY] = water.viscosity
-    header[layout.LENGTH] = 2.0 * np.sqrt(stone.disc_area / np.pi)
-    header[layout.AIR_DENSITY] = water.air_density
-    header[layout.DISC_AREA] = stone.disc_area
-    header[layout.DISC_NORMAL : layout.DISC_NORMAL + 3] = stone.disc_normal
-    header[layout.DISC_CENTRE : layout.DISC_CENTRE + 3] = stone.disc_centre
-    return block_of(header, stone.triangles)
-
-
-def block_of(header: Array, triangles: Array) -> Array:
-    """A block with this header (of any block) and these triangles (n, 3, 3), counter-clockwise from outside."""
-    triangles = triangles[_by_place(triangles.mean(axis=1))]
-    a, b, c = np.moveaxis(triangles, 1, 0)
-    vectors = 0.5 * np.cross(b - a, c - a)
-    areas = np.linalg.norm(vectors, axis=1)
-    volumes = np.linalg.det(triangles) / 6.0
-    n = len(triangles)
-    fill = (layout.WIDTH - n) % (2 * layout.WIDTH)
-    header = header[: layout.HEADER].copy()
-    header[layout.N_FACES], header[layout.STRIDE] = n, n + fill
-    header[layout.VOLUME] = volumes.sum()
-    centre = volumes @ triangles.sum(axis=1) / (4.0 * volumes.sum())
-    header[layout.VOLUME_CENTRE : layout.VOLUME_CENTRE + 3] = centre
-    normals, centroids = vectors / areas[:, None], triangles.mean(axis=1)
-    columns = np.column_stack(
-        [triangles.reshape(-1, 9), areas, normals, centroids, np.cross(centroids, normals)]
-    )
-    last = np.zeros((fill, layout.COLUMNS))
-    last[:, : layout.AREA] = np.tile(triangles[-1, 0], 3)
-    spheres = [
-        _sphere(triangles[k : k + layout.GROUP].reshape(-1, 3)) for k in range(0, n, layout.GROUP)
-    ]
-    return np.concatenate([header, np.vstack([columns, last]).T.ravel(), *spheres])
-
-
-def triangles_of(block: Array) -> Array:
-    """The triangles (n, 3, 3) of a block, in its order."""
-    columns = block[layout.HEADER :][: layout.AREA * int(block[layout.STRIDE])]
-    return columns.reshape(layout.AREA, -1).T[: int(block[layout.N_FACES])].reshape(-1, 3, 3)
-
-
-def _by_place(centroids: Array) -> npt.NDArray[np.intp]:
-    """An order (n,) in which the faces of a group lie near each other: halved across the longest side."""
-    done: list[npt.NDArray[np.intp]] = []
-    waiting = [np.arange(len(centroids))]
-    while waiting:
-        faces = waiting.pop()
-        groups = -(-len(faces) // layout.GROUP)
-        if groups == 1:
-            done.append(faces)
-            continue
-        axis = np.argmax(np.ptp(centroids[faces], axis=0))
-        faces = faces[np.argsort(centroids[faces, axis], kind="stable")]
-        half = groups // 2 * layout.GROUP
-        waiting += [faces[half:], faces[:half]]
-    return np.concatenate(done)
-
-
-def _sphere(points: Array) -> Array:
-    """Centre and radius (4,) of a sphere about points (n, 3), with a hair for rounding."""
-    centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
-    radius = np.linalg.norm(points - centre, axis=1).max()
-    return np.array([*centre, (1.0 + 1e-9) * radius])
 
 
 def wrench_and_immersion(block: Array, states: Array) -> Array:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from mjskip.hydro.stone import Stone
 from mjskip.play.player import Frame
 from mjskip.play.surface import EVEN, STEP, DrawnWater
-from mjskip.play.thrown import Thrown
+from mjskip.play.thrown import ThrowResult
 from mjskip.throws.scene import Scene
 from mjskip.throws.throw import Throw
 from mjskip.throws.trajectory import Trajectory
@@ -94,7 +94,7 @@ def lake(client: Any, water: DrawnWater, stones: Mapping[str, Stone]) -> dict[st
     return nodes
 
 
-def aim(client: Any, view: str, thrown: Thrown | None) -> None:
+def aim(client: Any, view: str, thrown: ThrowResult | None) -> None:
     """Put the camera where this view begins; from there it is the user's."""
     camera = client.camera
     camera.up_direction = (0.0, 0.0, 1.0)
@@ -107,18 +107,18 @@ def aim(client: Any, view: str, thrown: Thrown | None) -> None:
     camera.fov = 0.75
 
 
-def grid(view: str, thrown: Thrown) -> DrawnWater:
+def grid(view: str, thrown: ThrowResult) -> DrawnWater:
     """Vertices to draw the water with: spread along the whole throw if that is the view."""
     return (
         DrawnWater() if view == FOLLOW else DrawnWater(max(STEP, 1.2 * _length(thrown) / EVEN[0]))
     )
 
 
-def _length(thrown: Thrown) -> float:
+def _length(thrown: ThrowResult) -> float:
     return float(np.ptp(thrown.chosen.x[:, 0]))
 
 
-def place_throw(nodes: dict[str, Any], thrown: Thrown) -> None:
+def place_throw(nodes: dict[str, Any], thrown: ThrowResult) -> None:
     """Make ready for a run: its stones, no marks, no trails."""
     _forget_touches(nodes)
     for name, stone in thrown.scene.stones.items():

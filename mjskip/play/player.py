@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from mjskip.play.thrown import Thrown
-from mjskip.throws.trajectory import Trajectory
+from mjskip.play.thrown import ThrowResult
+from mjskip.throws.trajectory import pose_at
 from mjskip.throws.wake import Wake
 from mjskip.waves.lake import Lake
 
@@ -42,7 +42,7 @@ class Frame:
         last: whether no other follows.
     """
 
-    thrown: Thrown
+    thrown: ThrowResult
     time: float
     poses: Mapping[str, tuple[Array, Array]]
     touches: int
@@ -77,7 +77,7 @@ class Pace:
 class Replay:
     """A run shown again, water and all; time only goes forward."""
 
-    def __init__(self, thrown: Thrown) -> None:
+    def __init__(self, thrown: ThrowResult) -> None:
         self.thrown = thrown
         self.lake = _lake(thrown)
         flights = list(thrown.flights.values())
@@ -97,7 +97,7 @@ class Replay:
         return Frame(
             thrown=self.thrown,
             time=until,
-            poses={name: pose(flight, until) for name, flight in self.thrown.flights.items()},
+            poses={name: pose_at(flight, until) for name, flight in self.thrown.flights.items()},
             touches=sum(contact.entry.time <= until for contact in contacts),
             lake=self.lake,
             late=late,
@@ -105,13 +105,7 @@ class Replay:
         )
 
 
-def pose(flight: Trajectory, when: float) -> tuple[Array, Array]:
-    """The row (position, orientation) that holds at a time; rows are closer than frames."""
-    row = max(int(np.searchsorted(flight.time, when, side="right")) - 1, 0)
-    return flight.x[row], flight.q[row]
-
-
-def _lake(thrown: Thrown) -> Lake:
+def _lake(thrown: ThrowResult) -> Lake:
     """Water to show: the scene's, endless where it has walls that a lake of tiles cannot have."""
     try:
         return thrown.scene.lake()
@@ -143,7 +137,7 @@ class Player:
         self._draw, self._failed, self._clock = draw, failed, clock
         self._wait = 1.0 / fps
         self._changed = threading.Condition()
-        self._next: Thrown | None = None
+        self._next: ThrowResult | None = None
         self._halted = False
         self._closed = False
         self._slow = 1.0
@@ -151,7 +145,7 @@ class Player:
         self._thread = threading.Thread(target=self._run, name="mjskip player", daemon=True)
         self._thread.start()
 
-    def play(self, thrown: Thrown) -> None:
+    def play(self, thrown: ThrowResult) -> None:
         """Show a run from its beginning."""
         with self._changed:
             self._next, self._halted, self.playing = thrown, False, True
@@ -198,7 +192,7 @@ class Player:
     def _interrupted(self) -> bool:
         return self._closed or self._halted or self._next is not None
 
-    def _show(self, thrown: Thrown) -> None:
+    def _show(self, thrown: ThrowResult) -> None:
         replay = Replay(thrown)
         pace = Pace(self._clock, slow=self._slow)
         while True:

@@ -13,7 +13,7 @@ from mjskip.errors import MjskipError
 from mjskip.play.door import Door, guarded, is_everywhere
 from mjskip.play.player import Replay
 from mjskip.play.settings import Settings
-from mjskip.play.thrown import Shelf
+from mjskip.play.thrown import Thrower
 from mjskip.throws.scene import Scene
 
 MOST_TABS = 8
@@ -41,18 +41,18 @@ class Playground:
             MjskipError: viser is missing, or nobody can listen there.
             SceneError: the scene's stone is thrown by an arm.
         """
-        shelf, door = Shelf(scene), Door(host)
+        thrower, door = Thrower(scene), Door(host)
         try:
-            _warm_up(shelf)
+            _warm_up(thrower)
             check_free(host, port)
             self._server = _viser_server(host, port, door)
         except BaseException:
-            shelf.close()
+            thrower.close()
             raise
         from mjskip.play.tab import Tab
 
         self._make_tab = Tab
-        self._host, self._shelf = host, shelf
+        self._host, self._thrower = host, thrower
         self._lock = threading.Lock()
         self._closed = False
         self.tabs: dict[int, Any] = {}
@@ -76,7 +76,7 @@ class Playground:
         for tab in tabs:
             tab.close()
         self._server.stop()
-        self._shelf.close()
+        self._thrower.close()
 
     def _welcome(self, client: Any) -> None:
         with self._lock:
@@ -89,7 +89,7 @@ class Playground:
                     color="red",
                 )
                 return
-            tab = self.tabs[client.client_id] = self._make_tab(client, self._shelf)
+            tab = self.tabs[client.client_id] = self._make_tab(client, self._thrower)
         if client.client_id not in self._server.get_clients():  # gone while it was made
             self._farewell(client)
             return
@@ -165,11 +165,11 @@ def _viser_server(host: str, port: int, door: Door) -> Any:
     return server
 
 
-def _warm_up(shelf: Shelf) -> None:
+def _warm_up(thrower: Thrower) -> None:
     """Compile what a throw needs before anybody waits for it."""
     from mjskip.play.surface import DrawnWater
 
-    replay = Replay(shelf.throw(Settings.of_scene(shelf.scene)))
+    replay = Replay(thrower.throw(Settings.of_scene(thrower.scene)))
     contacts = replay.thrown.chosen.contacts
     frame = replay.advance(contacts[0].entry.time + 0.05 if contacts else 0.05)
     DrawnWater().vertices(frame.lake, middle=(0.0, 0.0))

@@ -17,7 +17,7 @@ from mjskip.play import look
 from mjskip.play.player import Frame, Player
 from mjskip.play.settings import NUMBERS, STONES, THROW, Settings
 from mjskip.play.surface import DrawnWater
-from mjskip.play.thrown import Shelf, Thrown, table
+from mjskip.play.thrown import Thrower, ThrowResult, table
 from mjskip.throws.trajectory import ENDS
 
 SLIDERS: dict[str, tuple[str, float, float, float, str]] = {
@@ -46,12 +46,12 @@ class Tab:
         frames: drawn so far.
     """
 
-    def __init__(self, client: Any, shelf: Shelf) -> None:
+    def __init__(self, client: Any, thrower: Thrower) -> None:
         self.client = client
-        self.thrown: Thrown | None = None
+        self.thrown: ThrowResult | None = None
         self.frames = 0
-        self._shelf = shelf
-        self._start = Settings.of_scene(shelf.scene)
+        self._thrower = thrower
+        self._start = Settings.of_scene(thrower.scene)
         self._busy = threading.Lock()
         self._closed = False
         self._touches = 0
@@ -59,7 +59,7 @@ class Tab:
         self._water = DrawnWater()
         self._controls: dict[str, Any] = {}
         with client.atomic():
-            self._nodes = look.lake(client, self._water, shelf.scene.stones)
+            self._nodes = look.lake(client, self._water, thrower.scene.stones)
             self._add_controls()
             self._still()
         self._player = Player(self._draw, failed=self._drawing_failed)
@@ -114,7 +114,7 @@ class Tab:
             return
         try:
             self._status("working it out …")
-            thrown = self._shelf.throw(settings)
+            thrown = self._thrower.throw(settings)
         except (MjskipError, ValueError) as error:
             self._status("")
             self._complain(" ".join(str(error).split()))
@@ -148,9 +148,9 @@ class Tab:
         self._clock(f"{frame.time:.2f} s{late if frame.late >= 0.5 else ''}")
 
     def _still(self) -> None:
-        look.still(self._nodes, self._water, self._shelf.scene, self._start.throw)
+        look.still(self._nodes, self._water, self._thrower.scene, self._start.throw)
 
-    def _report(self, thrown: Thrown) -> None:
+    def _report(self, thrown: ThrowResult) -> None:
         flight = thrown.chosen
         skips = f"{thrown.skips} skip{'' if thrown.skips == 1 else 's'}"
         away = float(np.linalg.norm(flight.x[-1, :2] - flight.x[0, :2]))
@@ -282,7 +282,7 @@ class Tab:
                 self._player.play(self.thrown)
 
     def _download(self, _: Any) -> None:
-        file = self.thrown and self._shelf.model_file(self.thrown.settings)
+        file = self.thrown and self._thrower.model_file(self.thrown.settings)
         if file:
             self.client.send_file_download(*file)
 

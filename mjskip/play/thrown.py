@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import tempfile
 import threading
 import warnings
@@ -16,6 +15,7 @@ import mujoco
 from mjskip.errors import MjskipWarning, SceneError
 from mjskip.hydro.stone import GRANITE, Stone
 from mjskip.play.settings import THROW, Settings
+from mjskip.throws.report import COLUMNS, skip_rows
 from mjskip.throws.scene import Scene, load_scene, shipped_scenes
 from mjskip.throws.simulate import simulate_all
 from mjskip.throws.trajectory import Trajectory
@@ -25,7 +25,7 @@ MOST_STONES = 100
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Thrown:
+class ThrowResult:
     """A run, from the hand to its end.
 
     Attributes:
@@ -53,7 +53,7 @@ class Thrown:
         return self.chosen.skips
 
 
-class Shelf:
+class Thrower:
     """The stones that can be thrown in one scene. Safe to use from several threads."""
 
     def __init__(self, scene: Scene) -> None:
@@ -76,7 +76,7 @@ class Shelf:
         """Throw the made stones away."""
         self._folder.cleanup()
 
-    def throw(self, settings: Settings) -> Thrown:
+    def throw(self, settings: Settings) -> ThrowResult:
         """Throw, and wait until the run is known: some 50 ms on still water.
 
         Raises:
@@ -92,7 +92,7 @@ class Shelf:
                 scene = replace(scene, water=replace(scene.water, law=settings.law))
             surface: Any = settings.surface
             flights = simulate_all(scene, surface=surface)
-        return Thrown(
+        return ThrowResult(
             settings=settings,
             scene=scene,
             flights=flights,
@@ -174,24 +174,7 @@ def with_stone(scene: Scene, stone: Stone) -> str:
     return str(spec.to_xml())
 
 
-def table(flight: Trajectory) -> list[tuple[str, ...]]:
+def table(flight: Trajectory) -> list[list[str]]:
     """The touches as text, a row each below one of headings."""
-    rows: list[tuple[str, ...]] = [
-        ("", "at m", "in m/s", "out m/s", "attack°", "depth mm", "wet ms", "air ms")
-    ]
-    for number, contact in enumerate(flight.contacts, 1):
-        entry, left = contact.entry, contact.exit
-        away = math.dist(entry.position[:2], flight.x[0, :2])
-        rows.append(
-            (
-                str(number),
-                f"{away:.2f}",
-                f"{entry.speed:.2f}",
-                f"{left.speed:.2f}" if left else "-",
-                f"{math.degrees(entry.attack):.1f}",
-                f"{1e3 * contact.depth:.1f}",
-                f"{1e3 * (left.time - entry.time):.1f}" if left else "stayed",
-                f"{1e3 * contact.airtime:.0f}" if left else "-",
-            )
-        )
-    return rows
+    names = ("distance", "in", "out", "attack", "depth", "contact", "airtime")
+    return [["", *(f"{n} {COLUMNS[n][0]}" for n in names)], *skip_rows(flight, names)]

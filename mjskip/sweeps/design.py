@@ -13,13 +13,12 @@ import numpy as np
 from mjskip._typing import Array
 from mjskip.checks import check_choice, check_count, check_mapping, check_number, fault
 from mjskip.hydro.laws import LAWS
-from mjskip.hydro.water import GATES
+from mjskip.hydro.water import GATES, SWITCHES
 from mjskip.throws import throw
 
 THROW = {name: parameter.unit for name, parameter in throw.PARAMETERS.items()}
 STONE = {"radius": "m", "thickness": "m", "mass": "kg", "stone_density": "kg m-3"}
 WATER = {"water_density": "kg m-3", "air_density": "kg m-3", "viscosity": "m2 s-1"}
-SWITCHES = ("buoyancy", "skin_friction")
 NAMED = {"gate": GATES, "law": tuple(LAWS), **dict.fromkeys(SWITCHES, ("on", "off"))}
 PARAMETERS: dict[str, str] = {**THROW, **STONE, **WATER, **dict.fromkeys(NAMED, "")}
 """Everything that can be varied, with its SI unit; the named ones take words, switches on and off."""

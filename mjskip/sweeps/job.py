@@ -15,9 +15,9 @@ import numpy as np
 from mjskip.checks import check_positive
 from mjskip.errors import DivergedError, MjskipError, MjskipWarning
 from mjskip.hydro.stone import Stone
-from mjskip.hydro.water import Water
+from mjskip.hydro.water import SWITCHES, Water
 from mjskip.sweeps.batch import Air, throw_all
-from mjskip.sweeps.design import NAMED, STONE, SWITCHES, THROW, WATER, Design
+from mjskip.sweeps.design import NAMED, STONE, THROW, WATER, Design
 from mjskip.throws.recording import Limits
 from mjskip.throws.scene import Scene, load_scene
 from mjskip.throws.simulate import simulate
@@ -228,7 +228,7 @@ def scene_of(stone: Stone, *, gravity: tuple[float, float, float] = (0.0, 0.0, -
         return load_scene(file)
 
 
-def stretched(
+def scaled(
     stone: Stone,
     *,
     radius: float | None = None,
@@ -280,7 +280,7 @@ def _stone_of(stone: Stone, row: Mapping[str, Any], made: dict[tuple[Any, ...], 
     given = {name: row[name] for name in STONE if name in row}
     key = tuple(given.values())
     if key not in made:
-        made[key] = stretched(stone, **given) if given else stone
+        made[key] = scaled(stone, **given) if given else stone
     return made[key]
 
 

@@ -22,18 +22,18 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True, kw_only=True)
 class Arm:
-    """Control signals and releases of a model.
+    """Control signals of a model, and when its grips let go.
 
     Attributes:
         controls: by actuator, times [s] and values in turn; linear between, constant outside.
-        releases: by equality, when it is switched off [s].
+        release_times: by equality, when it is switched off [s].
 
     Raises:
         ValueError: a signal is not pairs with times that increase.
     """
 
     controls: Mapping[str, tuple[float, ...]]
-    releases: Mapping[str, float]
+    release_times: Mapping[str, float]
 
     def __post_init__(self) -> None:
         for name, signal in self.controls.items():
@@ -46,7 +46,7 @@ class Arm:
     def held(self, model: mujoco.MjModel) -> frozenset[str]:
         """Names of the bodies that the arm holds until it lets go."""
         ids = set()
-        for name in self.releases:
+        for name in self.release_times:
             equality = model.equality(name)
             if model.eq_objtype[equality.id] == mujoco.mjtObj.mjOBJ_BODY:
                 ids |= {int(model.eq_obj1id[equality.id]), int(model.eq_obj2id[equality.id])}
@@ -57,6 +57,6 @@ class Arm:
         now = data.time + ROUNDING
         for name, signal in self.controls.items():
             data.ctrl[model.actuator(name).id] = np.interp(now, signal[::2], signal[1::2])
-        for name, when in self.releases.items():
+        for name, when in self.release_times.items():
             if now >= when:
                 data.eq_active[model.equality(name).id] = 0

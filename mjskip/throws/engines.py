@@ -165,7 +165,7 @@ class MujocoEngine:
         )  # views: every look-up makes them anew
         self._sound = 0.0  # when it was last checked: MuJoCo's own clock begins anew if it diverges
         self._arm = scene.arm
-        self._acts = bool(scene.arm.controls or scene.arm.releases)
+        self._acts = bool(scene.arm.controls or scene.arm.release_times)
         self._water = None if scene.plugged else scene.water
         self._open = ExitStack()
         self._coupling: Coupling | None = None

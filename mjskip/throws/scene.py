@@ -26,6 +26,7 @@ from mjskip.coupling.terrain import Land, land_of
 from mjskip.coupling.wet import THROWN, body_stone
 from mjskip.errors import SceneError
 from mjskip.hydro.stone import Stone
+from mjskip.hydro.water import SWITCHES as WATER_SWITCHES
 from mjskip.hydro.water import Water
 from mjskip.throws.arm import Arm
 from mjskip.throws.throw import PARAMETERS, Throw
@@ -37,7 +38,7 @@ WATER = {field.name for field in fields(Water)}
 FIELD = {"shape", "spacing", "wave_speed", "damping", "stencil", "boundary", "centre"}
 THROW = set(PARAMETERS)
 TEXTS = {"gate", "law", "stencil", "boundary"}
-SWITCHES = {field.name for field in fields(Water) if field.type in (bool, "bool")} | {"obstacles"}
+SWITCHES = {*WATER_SWITCHES, "obstacles"}
 DEFAULT_SHAPE = (512, 512)
 """Cells of a lake with walls whose scene does not say: `HeightField`'s, rounded up to whole tiles."""
 PAIRS = {"shape", "centre"}
@@ -198,7 +199,7 @@ def load_scene(path: PathLike = "lake", *, body: str | None = None) -> Scene:
     chosen = body or names[0]
     try:
         arm = Arm(
-            controls=_with_prefix(settings, CONTROL), releases=_with_prefix(settings, RELEASE)
+            controls=_with_prefix(settings, CONTROL), release_times=_with_prefix(settings, RELEASE)
         )
         scene = Scene(
             path=file,

@@ -322,7 +322,7 @@ def _thrown(scene: Scene, name: str, trajectory: Trajectory) -> Throw:
     model, body = scene.model, find_body(scene.model, name)
     let_go = max(
         when
-        for grip, when in scene.arm.releases.items()
+        for grip, when in scene.arm.release_times.items()
         if body in (model.equality(grip).obj1id[0], model.equality(grip).obj2id[0])
     )
     k = min(int(np.searchsorted(trajectory.time, let_go)), len(trajectory.time) - 1)

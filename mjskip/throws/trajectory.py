@@ -274,6 +274,21 @@ def _shapes() -> Iterator[tuple[str, tuple[str, ...]]]:
     yield from ((f"contact_{name}", ("contact", *dims)) for name, dims, _ in _TOUCH)
 
 
+def pose_at(run: Trajectory, time: float) -> tuple[Array, Array]:
+    """Centre of mass (3,) [m] and orientation (4,) between two rows; held beyond the ends."""
+    after = int(np.clip(np.searchsorted(run.time, time), 1, max(len(run.time) - 1, 1)))
+    if len(run.time) == 1:
+        return run.x[0], run.q[0]
+    earlier, later = run.time[after - 1], run.time[after]
+    part = min(max((time - earlier) / (later - earlier), 0.0), 1.0) if later > earlier else 1.0
+    before = run.q[after - 1]
+    # q and -q are one attitude: blend the nearer pair
+    beyond = run.q[after] * (1.0 if before @ run.q[after] >= 0.0 else -1.0)
+    attitude = (1.0 - part) * before + part * beyond
+    position = (1.0 - part) * run.x[after - 1] + part * run.x[after]
+    return position, attitude / np.linalg.norm(attitude)
+
+
 _SERIES: tuple[tuple[str, tuple[str, ...], str, str], ...] = (
     ("x", ("axis",), "m", "centre of mass"),
     ("q", ("part",), "1", "orientation, body to world"),

@@ -86,7 +86,8 @@ class TwoWayIntegrator:
         )  # fmt: skip
         self._others = [block.copy() for block in blocks]
         for block in self._others:  # what is left: air, buoyancy and skin friction
-            block[[hydro.NORMAL_SQUARED, hydro.SPEED_NORMAL]] = 0.0
+            block[[hydro.NORMAL_SQUARED, hydro.SPEED_NORMAL, hydro.CAVITY]] = 0.0
+            block[[hydro.FORWARD, hydro.QUADRATURE]] = 0.0
         self._gravity = gravity
         self._masses = np.array([stone.mass for stone in stones])
         self._rows = np.array(

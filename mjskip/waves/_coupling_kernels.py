@@ -29,17 +29,21 @@ from typing import Any
 from mjskip._compile.jit import kernel
 from mjskip.hydro import _block as hydro
 from mjskip.hydro._clip_kernels import immersed_part
-from mjskip.hydro._wrench_kernels import pressure_centre
+from mjskip.hydro._strip_kernels import pressure_centre
 from mjskip.rigid import _rigid_kernels as rigid
 
 POINT_X, POINT_Y = 0, 1  # where the load acts, world [m]
 ARM = 2  # of that point about the body's centre of mass, world axes (3) [m]
 NORMAL = 5  # outward, world axes (3)
 AREA = 8  # wet [m^2]
-SQUARED = 9  # f = SQUARED vn^2 + LINEAR vn
+SQUARED = (
+    9  # f = SQUARED vn^2 + LINEAR vn, or of a law with a cavity CAVITY pi vn / (FOUR_U + pi vn)
+)
 LINEAR = 10
-BODY = 11
-FACE = 12  # doubles for one face
+CAVITY = 11
+FOUR_U = 12
+BODY = 13
+FACE = 14  # doubles for one face
 
 INVERSE_MASS = 0  # of a body, for `add_mobility`
 INVERSE_INERTIA = 1  # world axes (9)
@@ -125,9 +129,7 @@ def find_faces(
             depth = -(z + ux * x + uy * y + uz * h)
             if highest > 0.0:
                 depth += _level_under(state, frame, level, x, y, h)
-            x, y, h = pressure_centre(
-                x, y, h, nx, ny, nz, bx, by, bz, ux, uy, uz, depth, block[hydro.RADIUS]
-            )
+            x, y, h = pressure_centre(block, k, x, y, h, nx, ny, nz, bx, by, bz, ux, uy, uz, depth)
         advance = (
             nx * (bx + wy * h - wz * y) + ny * (by + wz * x - wx * h) + nz * (bz + wx * y - wy * x)
         )
@@ -147,6 +149,8 @@ def find_faces(
         face[AREA] = area
         face[SQUARED] = area * block[hydro.NORMAL_SQUARED]
         face[LINEAR] = area * block[hydro.SPEED_NORMAL] * speed
+        face[CAVITY] = area * block[hydro.CAVITY] * speed * speed
+        face[FOUR_U] = 4.0 * speed
         face[BODY] = body
         count += 1
     return count
@@ -393,7 +397,8 @@ def solve(
 
         vn = 2 c / (q + sqrt(q^2 + 4 M_ii s c)),   q = 1 + M_ii l
 
-    which is linear without s and has no difference of like numbers.
+    which is linear without s and has no difference of like numbers. A law with a cavity is a quadratic too,
+    pi vn^2 + (4 U + M_ii p - pi c) vn = 4 U c with p = pi CAVITY.
 
     Args:
         faces, count: the faces.
@@ -413,9 +418,16 @@ def solve(
             c = speeds[n] + own * old
             new = 0.0
             if c > 0.0:
-                s, q = faces[n, SQUARED], 1.0 + own * faces[n, LINEAR]
-                vn = 2.0 * c / (q + math.sqrt(q * q + 4.0 * own * s * c))
-                new = vn * (s * vn + faces[n, LINEAR])
+                if faces[n, CAVITY] > 0.0:
+                    p, r = math.pi * faces[n, CAVITY], faces[n, FOUR_U]
+                    q = r + own * p - math.pi * c
+                    root = math.sqrt(q * q + 4.0 * math.pi * r * c)
+                    vn = 2.0 * r * c / (q + root) if q > 0.0 else (root - q) / (2.0 * math.pi)
+                    new = p * vn / (r + math.pi * vn)
+                else:
+                    s, q = faces[n, SQUARED], 1.0 + own * faces[n, LINEAR]
+                    vn = 2.0 * c / (q + math.sqrt(q * q + 4.0 * own * s * c))
+                    new = vn * (s * vn + faces[n, LINEAR])
             if new != old:
                 step = new - old
                 loads[n] = new

@@ -32,7 +32,7 @@ from scipy.special import j0, jv
 from mjskip._typing import Array
 from mjskip.hydro import _block as hydro
 from mjskip.hydro.laws import LAWS, ForceLaw
-from mjskip.hydro.wrench import block_of, triangles_of
+from mjskip.hydro.packing import block_of, triangles_of
 from mjskip.waves import _coupling_kernels as kernels
 
 LOAD_RADIUS = 0.02
