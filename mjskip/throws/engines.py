@@ -15,7 +15,7 @@ import numpy as np
 from mjskip._typing import Array
 from mjskip.coupling._struct_layout import library
 from mjskip.coupling.attach import Coupling, attach
-from mjskip.coupling.bodies import body_name, find_body
+from mjskip.coupling.bodies import find_body
 from mjskip.coupling.wet import THROWN, centre_of_mass
 from mjskip.errors import DivergedError, SceneError
 from mjskip.hydro.wrench import entry_address, wrench_address
