@@ -108,6 +108,7 @@ def twin(stone, water, position, q, velocity, omega, *, handed=1.0):
     length = np.linalg.norm(along, axis=1, keepdims=True)
     along = np.divide(along, length, out=np.zeros_like(along), where=length > 0)
     push = {
+        "none": lambda: np.zeros_like(normal),
         "lee2010": lambda: vn[:, None] ** 2 * normal,
         "nagahiro2005": lambda: 0.5 * 1.4 * vn[:, None] ** 2 * normal,
         "birkhoff1944": lambda: 0.5 * vn[:, None] ** 2 * normal,

@@ -11,8 +11,9 @@ kept on disk:
               not attached since the last one for this model, failed body (-1: none) and time, body
               whose step was too large (-1: none), time and the step that it needs (doubles' bits);
               a function void(context, model, data) that sets the wrenches instead (0: none), its context;
+              address of the entry of bodies that radiate (0: none) and of what acts on them (`_sea_kernels`);
               then for every attached body: id, id of its tree's root, address of its record
-              (`_record_kernels`), of its offset (0: none)
+              (`_record_kernels`; 0: it radiates), of its offset (0: none)
     offset    doubles: from MuJoCo's centre of mass of the body to the record's (3), body axes
 
 The callback keeps no clock and no state: MuJoCo calls it at every sub-stage of RK4, from any thread. The
@@ -35,8 +36,8 @@ WRENCH, PREVIOUS, MAP, MEMBERS = 0, 1, 2, 3
 SLOTS, PAIRS = 0, 1
 ATTACHED, GRAVITY, TIMESTEP, INVERSE_WEIGHTS, SIGNATURE = 0, 1, 2, 3, 4
 COPY_CALLS, FAILED, FAILURE_TIME, LIMITED, LIMIT_TIME, NEEDED_STEP = 5, 6, 7, 8, 9, 10
-INSTEAD, CONTEXT = 11, 12
-RECORDS = 13
+INSTEAD, CONTEXT, SEA, SEA_ACT = 11, 12, 13, 14
+RECORDS = 15
 ROW = 4
 
 DATA_MEMBERS = ("xpos", "xmat", "cvel", "subtree_com", "xfrc_applied", "time")
@@ -101,6 +102,8 @@ def control(model: int, data: int) -> None:
     for n in range(entry[ATTACHED]):
         row = RECORDS + ROW * n
         body, tree, record, offset = entry[row], entry[row + 1], entry[row + 2], entry[row + 3]
+        if record == 0:
+            continue
         body_state(places, axes, motions, centres + 24 * tree, body, record, state)
         needed = wet_load(
             table[WRENCH], record, state, load, scratch,
@@ -129,3 +132,5 @@ def control(model: int, data: int) -> None:
             applied[3] += ry * applied[2] - rz * applied[1]
             applied[4] += rz * applied[0] - rx * applied[2]
             applied[5] += rx * applied[1] - ry * applied[0]
+    if entry[SEA] != 0:
+        call_address(entry[SEA_ACT], model, data, entry[SEA])

@@ -13,7 +13,7 @@ from llvmlite import binding
 from numba import types
 
 from mjskip._compile.jit import kernel
-from mjskip._compile.pointers import address_of, as_doubles, as_words, stack_doubles
+from mjskip._compile.pointers import address_of, as_doubles, as_ints, as_words, stack_doubles
 from mjskip.coupling import _plugin_kernels as plugin
 from mjskip.coupling._moving_kernels import (
     ARROWS,
@@ -27,7 +27,6 @@ from mjskip.coupling._moving_kernels import (
     timestep_of,
     water_of,
 )
-from mjskip.coupling._plugin_kernels import as_ints
 from mjskip.coupling._struct_layout import library
 from mjskip.waves import _window_kernels as window
 

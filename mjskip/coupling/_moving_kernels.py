@@ -23,10 +23,9 @@ import numba
 import numpy as np
 
 from mjskip._compile.jit import kernel
-from mjskip._compile.pointers import as_doubles, as_words, bits, stack_doubles
+from mjskip._compile.pointers import as_doubles, as_ints, as_words, bits, stack_doubles
 from mjskip.coupling import _plugin_kernels as plugin
 from mjskip.coupling._plugin_kernels import (
-    as_ints,
     doubles,
     ints,
     is_head,

@@ -20,6 +20,7 @@ from mjskip._typing import Array
 from mjskip.coupling import _control_kernels as tables
 from mjskip.coupling import _record_kernels as loads
 from mjskip.coupling._struct_layout import check, library, members
+from mjskip.coupling.sea import SeaSurface, compiled
 from mjskip.coupling.wet import Inertia
 from mjskip.errors import SceneError
 from mjskip.hydro._block import WEIGHT_DENSITY
@@ -47,8 +48,9 @@ class Entry:
         records: list[Array],
         blocks: list[Array],
         inertias: list[Inertia],
+        surface: SeaSurface | None = None,
     ) -> None:
-        """Of a model; it is not kept alive."""
+        """Of a model; it is not kept alive. Bodies of the surface radiate."""
         self.records, self.blocks, self.replaced = records, blocks, False
         self.offsets: list[Array | None] = []
         for body, inertia in zip(bodies, inertias, strict=True):
@@ -65,6 +67,14 @@ class Entry:
             words[at], words[at + 1] = body, model.body_rootid[body]
             words[at + 2] = records[k].ctypes.data
             words[at + 3] = 0 if away is None else away.ctypes.data
+        self.surface = surface
+        if surface is not None:
+            words[tables.SEA] = surface.entry.ctypes.data
+            words[tables.SEA_ACT] = compiled()["act_attached"]
+            radiating = [one.body for one in surface.bodies]
+            for k, body in enumerate(bodies):
+                if body in radiating:
+                    words[tables.RECORDS + tables.ROW * k + 2] = 0
         self.words = words
         self._gravity = (ctypes.c_double).from_address(gravity)
         self.forget()

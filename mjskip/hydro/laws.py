@@ -85,6 +85,9 @@ LAWS: dict[str, ForceLaw] = {
         source="Birkhoff et al., 1944, and Johnson & Reid, J. Mech. Eng. Sci. 17:71, 1975, as quoted by others: "
         "1/2 rho (V.n)^2 on a sphere",
     ),
+    "none": ForceLaw(
+        source="no load beside hydrostatics, waves and friction: for what floats and radiates",
+    ),
 }
 
 

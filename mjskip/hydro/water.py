@@ -35,10 +35,12 @@ class Water:
             counts in a law that acts `forward`, from 0 to 1; a subject of research, for stones thrown by the
             reference engine and in sweeps.
         law: name of the force on an immersed face, a key of `mjskip.hydro.laws.LAWS`.
+        radiation: whether what floats makes and scatters waves: added mass, radiation damping and diffraction of
+            linear potential flow. It bears too. Inside MuJoCo only.
 
     Raises:
         ValueError: a density or the viscosity is no number of at least 0, a switch neither True nor False, or
-            the gate or the law unknown.
+            the gate or the law unknown, or what radiates does not bear.
     """
 
     density: float = 1000.0
@@ -50,6 +52,7 @@ class Water:
     viscosity: float = 1.0e-6
     quadrature: bool = False
     added_mass: float = 0.0
+    radiation: bool = False
 
     @classmethod
     def floating(
@@ -58,16 +61,23 @@ class Water:
         density: float = 1000.0,
         air_density: float = 1.2,
         gate: Gate = "local",
-        law: str = "lee2010",
+        law: str | None = None,
         buoyancy: bool = True,
         skin_friction: bool = True,
         viscosity: float = 1.0e-6,
         quadrature: bool = False,
+        radiation: bool = False,
     ) -> Water:
-        """Water for what floats: it bears, it rubs, and it never gives energy (gate "local")."""
+        """Water for what floats: it bears, it rubs, and it never gives energy (gate "local").
+
+        The law is the paper's unless another is given, and "none" with `radiation`: the pressure of moving water is
+        that of potential flow then, and a law of impact counts it twice.
+        """
+        if law is None:
+            law = "none" if radiation else "lee2010"
         return cls(
             density=density, air_density=air_density, gate=gate, law=law, buoyancy=buoyancy,
-            skin_friction=skin_friction, viscosity=viscosity, quadrature=quadrature,
+            skin_friction=skin_friction, viscosity=viscosity, quadrature=quadrature, radiation=radiation,
         )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -89,6 +99,10 @@ class Water:
         if self.skin_friction and self.viscosity == 0.0:
             raise ValueError(
                 "viscosity is 0 and skin_friction is on: give a viscosity above 0 [m^2/s]"
+            )
+        if self.radiation and not self.buoyancy:
+            raise ValueError(
+                "radiation is on and buoyancy is off: what makes waves floats; use Water.floating(radiation=True)"
             )
 
 
