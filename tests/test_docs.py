@@ -1,7 +1,6 @@
-"""The documentation is true: every Python block runs, every public name is explained, the site is whole."""
+"""The documentation is true: every Python block runs, every public name is in the reference, the site is whole."""
 
 import ast
-import inspect
 import os
 import re
 from pathlib import Path
@@ -34,52 +33,6 @@ def test_every_python_block_runs_in_the_order_of_its_page(page, tmp_path, monkey
         tree = ast.parse(code, str(page))
         ast.increment_lineno(tree, line - 1)
         exec(compile(tree, str(page), "exec"), names)
-
-
-def public_callables():
-    """Every public function, class and public method, with its name."""
-    for name in mjskip.__all__:
-        thing = getattr(mjskip, name)
-        if inspect.isfunction(thing):
-            yield name, thing
-        elif inspect.isclass(thing):
-            yield name, thing
-            for attribute, member in vars(thing).items():
-                inner = getattr(member, "__func__", getattr(member, "fget", member))
-                if not attribute.startswith("_") and inspect.isfunction(inner):
-                    yield f"{name}.{attribute}", inner
-
-
-PUBLIC = list(public_callables())
-
-
-@pytest.mark.parametrize(("name", "thing"), PUBLIC, ids=[name for name, _ in PUBLIC])
-def test_every_public_name_says_what_it_does_and_every_argument_is_explained(name, thing):
-    text = inspect.getdoc(thing)
-    assert text, f"{name} has no docstring"
-    if inspect.isclass(thing):
-        text += inspect.getdoc(thing.__init__) or ""
-    missing = [
-        parameter
-        for parameter in inspect.signature(thing).parameters
-        if parameter not in ("self", "cls") and not re.search(rf"\b{re.escape(parameter)}\b", text)
-    ]
-    assert not missing, f"{name} does not explain {missing}"
-
-
-ARRAY = re.compile(r"\b(Array\w*|NDArray|ArrayLike|ndarray)\b")
-
-
-@pytest.mark.parametrize(("name", "thing"), PUBLIC, ids=[name for name, _ in PUBLIC])
-def test_arrays_are_documented_with_their_shapes_and_units(name, thing):
-    annotations = " ".join(str(value) for value in getattr(thing, "__annotations__", {}).values())
-    if not ARRAY.search(annotations):
-        pytest.skip("no arrays")
-    text = inspect.getdoc(thing) + (inspect.getdoc(getattr(thing, "__init__", None)) or "")
-    assert re.search(r"\(\w*,[^)]*\)|scalar|broadcast", text), f"{name} names no shape"
-    assert re.search(r"\[[^\]]+\]|dimensionless|index|quaternion|w-x-y-z|[Tt]rue", text), (
-        f"{name} names no unit"
-    )
 
 
 def test_the_reference_page_shows_every_public_name():

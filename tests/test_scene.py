@@ -131,7 +131,7 @@ def test_the_stone_of_the_clanet_scene_is_the_disc_of_the_oracle(clanet_scene, c
 BAD_SETTINGS = [
     (
         numeric("spinn", 1),
-        r"unknown setting 'mjskip.spinn'; known are mjskip\.afloat, mjskip\.air_density, .*",
+        r"unknown setting 'mjskip.spinn'; known are mjskip\.added_mass, mjskip\.afloat, .*",
     ),
     (
         '<numeric name="mjskip_speed" data="3"/>',
