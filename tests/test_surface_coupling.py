@@ -257,7 +257,7 @@ def test_the_response_is_symmetric_and_takes_energy_from_no_load(kind):
     rng = np.random.default_rng(2)
     solver, _, _, found = solved(kind, rng, shapes())
     n = len(found.loads)
-    matrix = solver.work[2][:n, :n]
+    matrix = solver._work[2][:n, :n]
     assert (matrix == matrix.T).all()
     values = np.linalg.eigvalsh(matrix)
     assert values.min() > -1e-13 * values.max()
