@@ -41,11 +41,12 @@ class Exhibit:
 
 
 def filmed(
-    scene: Scene, flights: Any, *, size: tuple[int, int], times: Any = None, **shot: Any
+    scene: Scene, flights: Any, shot: Shot, *, times: Any = None, follow: Trajectory | None = None
 ) -> Iterator[Image]:
     """Frames drawn larger and shrunk."""
-    large = (SHARP * size[0], SHARP * size[1])
-    images = frames(scene, flights, times=times, size=large, **shot)
+    size = shot.size
+    large = replace(shot, size=(SHARP * size[0], SHARP * size[1]))
+    images = frames(scene, flights, large, times=times, follow=follow)
     with contextlib.closing(images):
         for image in images:
             yield np.asarray(Pictures.fromarray(image).resize(size, Pictures.Resampling.BOX))
@@ -55,30 +56,29 @@ def film(path: Path) -> None:
     """The film in README: the default throw in slow motion."""
     scene = load_scene("lake")
     flights = simulate_all(scene)
-    shot: dict[str, Any] = {"fps": 18.0, "slow": 3.5, "linger": 1.0, "caption": False}
-    size, kept = (540, 404), slice(30, 404)
-    times = shot_times(flights, Shot(size=size, **shot))
+    shot = Shot(size=(540, 404), fps=18.0, slow=3.5, linger=1.0, caption=False)
+    kept = slice(30, 404)
+    times = shot_times(flights, shot)
 
     def images() -> Iterator[Image]:
-        whole = filmed(scene, flights, size=size, times=times, **shot)
-        for time, image in zip(times, whole, strict=True):
+        for time, image in zip(times, filmed(scene, flights, shot, times=times), strict=True):
             part = image[kept].copy()
             caption(part, numbers_at(flights[scene.body], float(time)))
             yield part
 
-    shown = (size[0], kept.stop - kept.start)
-    write_video(images(), path, size=shown, fps=18.0, total=len(times), quality=55)
+    shown = (shot.size[0], kept.stop - kept.start)
+    write_video(images(), path, size=shown, fps=18.0, total=len(times), quality=50)
 
 
-def still(scene_name: str, camera: str, time: float, **water: Any) -> Callable[[Path], None]:
+def still(
+    scene_name: str, camera: str, time: float, *, forces: bool = False
+) -> Callable[[Path], None]:
     """One moment by one camera."""
 
     def make(path: Path) -> None:
         scene = load_scene(scene_name)
-        if water:
-            scene = replace(scene, **water)
-        flights = simulate_all(scene)
-        (image,) = filmed(scene, flights, size=(640, 400), times=np.array([time]), camera=camera)
+        shot = Shot(size=(640, 400), camera=camera, forces=forces, spray=not forces)
+        (image,) = filmed(scene, simulate_all(scene), shot, times=np.array([time]))
         save(image, path)
 
     return make
@@ -88,10 +88,12 @@ def strip(path: Path) -> None:
     """Six moments of the default throw."""
     scene = load_scene("lake")
     flights = simulate_all(scene)
-    times = np.array([0.1, 0.25, 0.45, 0.62, 0.85, 1.3])
+    follow = flights[scene.body]
+    times = np.array([0.1, 0.19, 0.3, 0.44, 0.57, 0.7])
+    shot = Shot(size=(400, 260), caption=False)
     pictures = []
     for time, image in zip(
-        times, filmed(scene, flights, size=(400, 260), times=times, caption=False), strict=True
+        times, filmed(scene, flights, shot, times=times, follow=follow), strict=True
     ):
         named = image.copy()
         caption(named, f"{time:.2f} s", corner="top")
@@ -105,7 +107,7 @@ def duel(path: Path) -> None:
     sides = duel_of(scene, simulate_all(scene))
     halves = []
     for title, (one, flight) in sides.items():
-        (image,) = filmed(one, flight, size=(480, 360), times=np.array([0.45]))
+        (image,) = filmed(one, flight, Shot(size=(480, 360)), times=np.array([0.45]))
         named = image.copy()
         caption(named, title, corner="top")
         halves.append(named)
@@ -129,27 +131,33 @@ def save(image: Image, path: Path) -> None:
 EXHIBITS = (
     Exhibit(
         name="strip.webp",
-        text="Three skips, and the rings after them.",
+        text="Three skips: the stone at six moments.",
         command="mjskip run --strip 6 --picture strip.png",
         make=strip,
     ),
     Exhibit(
         name="chase.webp",
-        text="From behind.",
+        text="From behind, as it leaves the water for the second time.",
         command="mjskip run --video throw.mp4 --camera chase --slow 4",
         make=still("lake", "chase", 0.47),
     ),
     Exhibit(
         name="underwater.webp",
-        text="From below: Snell's window, and the dent of a touch.",
+        text="From below: Snell's window, total reflection around it, and the furrow of a touch.",
         command="mjskip run --video throw.mp4 --camera underwater --slow 4",
         make=still("lake", "underwater", 0.46),
     ),
     Exhibit(
         name="top.webp",
-        text="From above: the wake of the first touch, and its caustics on the bottom.",
+        text="From above: drops, the stone's shadow on the bottom, and caustics of the first touch.",
         command="mjskip run --video throw.mp4 --camera top --slow 4",
-        make=still("lake", "top", 0.33),
+        make=still("lake", "top", 0.26),
+    ),
+    Exhibit(
+        name="forces.webp",
+        text="Forces: an arrow for the water, wetted faces in orange, the centre of buoyancy in yellow.",
+        command="mjskip run --video forces.mp4 --forces --no-spray --slow 8",
+        make=still("lake", "side", 0.17, forces=True),
     ),
     Exhibit(
         name="duel.webp",
@@ -162,6 +170,12 @@ EXHIBITS = (
         text="The aluminium disc of Clanet, Hersen and Bocquet, 65 rev/s.",
         command="mjskip run clanet_disc --video disc.mp4 --slow 8",
         make=still("clanet_disc", "side", 0.12),
+    ),
+    Exhibit(
+        name="thrower.webp",
+        text="A robot's arm has thrown.",
+        command="mjskip run thrower --video thrower.mp4 --slow 4",
+        make=still("thrower", "side", 0.5),
     ),
     Exhibit(
         name="curves.png",
@@ -177,10 +191,11 @@ def page() -> str:
     """The text of docs/gallery.md."""
     parts = [
         "# Gallery\n",
-        "Made by `python scripts/gallery.py`. The water is shaded on the processor from the full grid: "
-        "Fresnel's reflection of sky, sun and banks, Snell's refraction to the bottom, Beer-Lambert "
-        "absorption, caustics from the surface's curvature. A breath of wind is drawn on it that no stone "
-        "feels; splashes are not modelled and so not drawn.\n",
+        "Made by `python scripts/gallery.py`. The water is one GLSL source in MuJoCo's own OpenGL context, see "
+        "[Drawing water](drawing.md): Fresnel's reflection of sky, sun and banks, Snell's refraction to the bottom, "
+        "Beer-Lambert absorption, caustics from the surface's curvature. Two things are drawn only, and no stone feels "
+        "them: a breath of wind on the water, and spray. Drops and sheet follow from the recorded load at the wet "
+        "edge and never hold more momentum or energy than the stone gave to the water; `--no-spray` leaves them out.\n",
     ]
     for exhibit in EXHIBITS:
         parts.append(f"## {exhibit.text}\n")

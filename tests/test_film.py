@@ -10,7 +10,7 @@ from flights import SMALL, flight, small
 
 from mjskip.draw import render
 from mjskip.draw.eye import Eye
-from mjskip.draw.film import compose, duel_of, render_duel, render_strip
+from mjskip.draw.film import compose, duel_of, render_duel, render_strip, strip_times
 from mjskip.draw.overlay import Overlay, caption, numbers_at
 from mjskip.draw.render import Shot, followed, shot_times
 from mjskip.throws.recording import Limits
@@ -111,7 +111,8 @@ def test_touches_are_marked_from_then_on(throw):
 def test_the_caption_counts_the_skips_so_far(throw):
     assert numbers_at(throw, 0.0).startswith("12.0 m/s  ·  15 rev/s  ·  0 skips")
     assert numbers_at(throw, throw.contacts[0].exit.time + 1e-3).endswith("1 skip")
-    assert numbers_at(throw, 99.0).endswith(f"{throw.skips} skips")
+    # the stone is gone: no speed is told any more
+    assert numbers_at(throw, 99.0) == f"{throw.skips} skips, {throw.end}"
 
 
 def test_a_caption_stays_in_its_corner():
@@ -134,6 +135,22 @@ def test_a_strip_holds_its_moments_in_even_rows(tmp_path, throw):
         render_strip(small(), throw, tmp_path / "strip.jpg")
     with pytest.raises(ValueError, match="from 1 to 100"):
         render_strip(small(), throw, tmp_path / "strip.png", moments=0)
+
+
+def test_every_panel_of_a_strip_has_the_stone_in_it(throw):
+    for camera in ("side", "top", "chase"):
+        shot = Shot(
+            camera=camera, size=SMALL, look="plain", trail=False, marks=False, caption=False
+        )
+        times = strip_times(throw, 5)
+        assert times[-1] <= throw.time[-1]
+        away = replace(throw, x=throw.x + np.array([0.0, 0.0, 50.0]))
+        ours, theirs = (
+            list(render.frames(small(), one, shot, times=times, follow=throw))
+            for one in (throw, away)
+        )
+        for with_it, without in zip(ours, theirs, strict=True):
+            assert (np.abs(with_it.astype(int) - without).max(axis=2) > 15).sum() > 5
 
 
 def test_a_duel_shows_both_throws_at_the_same_moment(tmp_path):

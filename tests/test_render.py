@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pytest
 from flights import SMALL, flight, small
@@ -9,6 +10,7 @@ from flights import SMALL, flight, small
 from mjskip.draw import render, stage
 from mjskip.draw.skin import Grid
 from mjskip.errors import MjskipWarning, SceneError
+from mjskip.throws.scene import load_scene, shipped_scenes
 from mjskip.throws.simulate import simulate_all
 
 
@@ -49,6 +51,18 @@ def test_the_stone_shows(look):
     away.x[:, 2] += 50.0
     seen = np.abs(picture(look=look) - picture(trajectory=away, look=look)).max(axis=2) > 30
     assert seen.sum() > 10  # pixels: at 640 x 480 sixteen times as many
+
+
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_cameras_are_level_and_above_the_water_unless_their_name_says_otherwise(name):
+    model = load_scene(name).model
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    for k in range(model.ncam):
+        right, up, _ = data.cam_xmat[k].reshape(3, 3).T
+        assert abs(right[2]) < 1e-3, model.camera(k).name  # a 20th of a degree
+        assert up[2] > 0.0
+        assert (data.cam_xpos[k][2] > 0.1) == ("underwater" not in model.camera(k).name)
 
 
 def test_a_camera_that_follows_stays_level():

@@ -39,7 +39,7 @@ from mjskip._compile.pointers import (
     stack_doubles,
     symbol,
 )
-from mjskip.coupling._record_kernels import BLOCK, CENTRE, NEEDED_STEP, SCRATCH, wet_load
+from mjskip.coupling._record_kernels import BLOCK, NEEDED_STEP, SCRATCH, body_state, wet_load
 from mjskip.coupling._struct_layout import library
 
 WRENCH, IMMERSION, BUILDER, TABLE, GRAVITY, TIMESTEP, SLOT, INTEGRATOR = range(8)
@@ -382,30 +382,20 @@ def load_body(table: Any, model: int, data: int, body: int, instance: int, scrat
         record = _ask(table, model, HULL, body, instance, key, scratch + 8 * AT_REQUEST)
     if record == DRY:
         return 0
-    state, wrench = as_doubles(scratch), as_doubles(scratch + 8 * AT_WRENCH)
+    wrench = as_doubles(scratch + 8 * AT_WRENCH)
     total = np.nan
     if record != CANNOT:
         known = as_doubles(record)
-        place, rotation = doubles(table, data, XPOS), doubles(table, data, XMAT)
-        moving, origin = doubles(table, data, CVEL), doubles(table, data, SUBTREE_COM)
         tree = ints(table, model, BODY_ROOTID)[body]
-        cx, cy, cz = known[CENTRE], known[CENTRE + 1], known[CENTRE + 2]
-        for i in range(9):
-            state[3 + i] = rotation[9 * body + i]
-        for i in range(3):
-            state[i] = place[3 * body + i] + (
-                state[3 + 3 * i] * cx + state[4 + 3 * i] * cy + state[5 + 3 * i] * cz
-            )
-        wx, wy, wz = moving[6 * body], moving[6 * body + 1], moving[6 * body + 2]
-        rx, ry, rz = (
-            state[0] - origin[3 * tree],
-            state[1] - origin[3 * tree + 1],
-            state[2] - origin[3 * tree + 2],
+        body_state(
+            as_words(data + table[XPOS])[0],
+            as_words(data + table[XMAT])[0],
+            as_words(data + table[CVEL])[0],
+            as_words(data + table[SUBTREE_COM])[0] + 24 * tree,
+            body,
+            record,
+            scratch,
         )
-        state[12] = moving[6 * body + 3] + (wy * rz - wz * ry)
-        state[13] = moving[6 * body + 4] + (wz * rx - wx * rz)
-        state[14] = moving[6 * body + 5] + (wx * ry - wy * rx)
-        state[15], state[16], state[17] = wx, wy, wz
         weights = doubles(table, model, BODY_INVWEIGHT0)
         needed = wet_load(
             table[WRENCH], record, scratch, scratch + 8 * AT_WRENCH, scratch + 8 * AT_LOAD,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -60,18 +61,19 @@ class Coupling:
         data: mujoco.MjData | None,
         water: Water,
         *,
-        bodies: BodyRule,
-        geoms: GeomRule,
-        options: HullOptions,
-        native: bool,
+        bodies: BodyRule = None,
+        geoms: GeomRule = None,
+        options: HullOptions | None = None,
+        native: bool = True,
         sea: Sea | None = None,
     ) -> None:
         """Choose what is wet and prepare it; `open` lets the water act."""
         _check_arguments(model, data, water)
         _check_sea(model, water, sea, native)
+        self.model, self.water = model, water
+        options = options or HullOptions()
         if water.radiation:
             options = finer(options)
-        self.model, self.water, self.options = model, water, options
         self._data, self._native = data, native
         chosen = select(model, bodies, geoms)
         self.dry: dict[int, str] = dict(chosen.dry)
@@ -79,7 +81,6 @@ class Coupling:
         self.built: list[BuiltHull] = []
         self.inertias: list[Inertia] = []
         for wet in chosen.wet:
-            _refuse_plugged(model, wet.members)
             inertia = inertia_of(model, wet.body, wet.members)
             built = hull_of(model, wet, options, inertia)
             if built.hull is None:
@@ -168,6 +169,8 @@ class Coupling:
                 'this model says <flag actuation="disable"/>, which silences callbacks: remove it so that '
                 "water can act"
             )
+        for wet in self.wet:
+            _refuse_plugged(self.model, wet.members)
         self._entry.forget()
         self._told.clear()
         if self.surface is not None:
@@ -187,12 +190,13 @@ class Coupling:
         """
         if self._remove is not None:
             self._end()
-            self.check()
+            if not sys.is_finalizing():
+                self.check()
 
     def _end(self) -> None:
         """End the water without a word."""
         remove, self._remove = self._remove, None
-        if remove is not None:
+        if remove is not None and not sys.is_finalizing():  # then nothing is stepped any more
             self._entry.replaced |= not remove()
             if self.surface is not None:
                 detach_surface(self.surface)
@@ -264,6 +268,15 @@ class Coupling:
         if key not in self._told:
             self._told.add(key)
             warnings.warn(text, MjskipWarning, stacklevel=4)
+
+    def replace_loads(self, function: int, context: Array) -> None:
+        """Let a C function void(context, model, data) set the wrenches of all bodies in `xfrc_applied` instead.
+
+        Args:
+            function: its address.
+            context: handed to it; must stay alive.
+        """
+        self._entry.replace_loads(function, context)
 
     def wrench(self, data: mujoco.MjData, body: int | str) -> Wrench:
         """Wrench of water and air on a wet body, by name or id, in the pose and motion of `data`.

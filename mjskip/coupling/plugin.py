@@ -111,8 +111,31 @@ def register_plugin() -> None:
             kernels.root[kernels.SLOT] = library.mjp_registerPlugin(ctypes.byref(plugin))
 
 
-def plugin_water(model: mujoco.MjModel, body: int) -> Water | None:
-    """The water that the plugin puts on a body of a compiled model; None if it puts none there."""
+@dataclass(frozen=True, kw_only=True)
+class PluginSettings:
+    """What the keys of an instance say.
+
+    Attributes:
+        water: the fluid.
+        options: how hulls are made.
+        surface: whether and how it moves.
+        geoms: the rule for geoms as `attach` takes it.
+        below: whether what moves below the bodies that carry it is wet too.
+        sea: waves that come, for bodies that radiate.
+        sea_text: what the key said.
+    """
+
+    water: Water
+    options: HullOptions
+    surface: MovingWater
+    geoms: str | list[str] | None
+    below: bool
+    sea: Sea
+    sea_text: str
+
+
+def plugin_settings(model: mujoco.MjModel, body: int) -> PluginSettings | None:
+    """What the plugin's keys say about a body of a compiled model; None if it does not wet it."""
     slot, carrier = _slot(), int(body)
     if slot < 0:
         return None
@@ -121,17 +144,15 @@ def plugin_water(model: mujoco.MjModel, body: int) -> Water | None:
         if instance >= 0 and model.plugin[instance] == slot:
             told = _configured(_layout.ModelView(model._address), instance)
             same = model.body_weldid[carrier] == model.body_weldid[body]
-            return told.water if told.below or same else None
+            return told if told.below or same else None
         carrier = int(model.body_parentid[carrier])
     return None
 
 
-def plugin_options(model: mujoco.MjModel, body: int) -> HullOptions:
-    """How the plugin makes the hull of a body that it wets."""
-    carrier = int(body)
-    while int(model.body_plugin[carrier]) < 0 and carrier > 0:
-        carrier = int(model.body_parentid[carrier])
-    return _configured(_layout.ModelView(model._address), int(model.body_plugin[carrier])).options
+def plugin_water(model: mujoco.MjModel, body: int) -> Water | None:
+    """The water that the plugin puts on a body of a compiled model; None if it puts none there."""
+    told = plugin_settings(model, body)
+    return None if told is None else told.water
 
 
 def instance_options(model: mujoco.MjModel, instance: int) -> tuple[MovingWater, Water, float]:
@@ -366,7 +387,7 @@ def _answer(model: int, address: int, _unused: int) -> None:
                 _records.add(key, kernels.CANNOT)
 
 
-def _find_record(view: Any, body: int, told: _Told, key: int, what: int) -> int:
+def _find_record(view: Any, body: int, told: PluginSettings, key: int, what: int) -> int:
     """What the table has for a body, made now if need be."""
     known = _records.made.get(key)
     if known is not None and what == kernels.HULL and known != kernels.CANNOT:
@@ -390,7 +411,7 @@ def _find_record(view: Any, body: int, told: _Told, key: int, what: int) -> int:
     return _records.add(key, _Kept(record=record, blocks=blocks, built=built))
 
 
-def _find_surface(view: Any, told: _Told, key: int) -> int:
+def _find_surface(view: Any, told: PluginSettings, key: int) -> int:
     """What the table has for an instance's surface, made now if need be."""
     known = _records.made.get(key)
     if known is None:
@@ -485,9 +506,9 @@ def _carried_mass(view: Any, body: int) -> float:
     return float(sum(view.body_mass[b] for b in inside))
 
 
-def _wet(view: Any, body: int, told: _Told) -> WetBody:
+def _wet(view: Any, body: int, told: PluginSettings) -> WetBody:
     stop = [b for b in range(1, int(view.nbody)) if b != body and _carries(view, b)]
-    rule = _chosen(view, told.geoms, body, stop)
+    rule = _chosen(view, told.geoms, body)
     return wet_body(view, body, rule, stop=stop)
 
 
@@ -496,28 +517,30 @@ def _carries(view: Any, body: int) -> bool:
     return instance >= 0 and int(view.plugin[instance]) == int(kernels.root[kernels.SLOT])
 
 
-def _chosen(view: Any, text: str, body: int, stop: list[int]) -> Any:
-    """The rule that the key `geoms` says; names count on every body of the instance."""
-    if not text:
-        return None
-    rule: GeomRule = text
-    if text not in ("all", "collision") and text.split()[0] != "group":
-        names = text.split()
-        there = {str(view.geom(g).name): g for g in range(int(view.ngeom))}
-        for name in names:
-            if name not in there:
-                has = ", ".join(n for n in there if n) or "none has a name"
-                raise SceneError(f"geoms is {text!r}: no geom {name!r}; there are {has}")
-            if int(view.geom_type[there[name]]) not in SOLIDS:
-                raise SceneError(
-                    f"geoms is {text!r}: {name!r} is a {kind_name(view, there[name])}, which displaces no water"
-                )
-        wanted = {there[name] for name in names}
-        return lambda geom: geom in wanted
-    return geom_rule(view, rule, [body])
+def _geom_rule(text: str) -> str | list[str] | None:
+    """The key `geoms` as a rule: keywords, or names with spaces between them."""
+    if not text or text in ("all", "collision") or text.split()[0] == "group":
+        return text or None
+    return text.split()
 
 
-def _heads(view: Any, instance: int, told: _Told) -> Iterator[int]:
+def _chosen(view: Any, rule: GeomRule, body: int) -> Any:
+    """The rule for the geoms of a body; names count on every body of the model."""
+    if not isinstance(rule, list):
+        return geom_rule(view, rule, [body])
+    there = {str(view.geom(g).name): g for g in range(int(view.ngeom))}
+    for name in rule:
+        if name not in there:
+            has = ", ".join(n for n in there if n) or "none has a name"
+            raise SceneError(f"geoms is {' '.join(rule)!r}: no geom {name!r}; there are {has}")
+        if int(view.geom_type[there[name]]) not in SOLIDS:
+            kind = kind_name(view, there[name])
+            raise SceneError(f"geoms: {name!r} is a {kind}, which displaces no water")
+    wanted = {there[name] for name in rule}
+    return lambda geom: geom in wanted
+
+
+def _heads(view: Any, instance: int, told: PluginSettings) -> Iterator[int]:
     """The bodies that an instance wets, as compiled code finds them."""
     for body in range(1, int(view.nbody)):
         if int(view.body_plugin[body]) == instance:
@@ -530,7 +553,7 @@ def _heads(view: Any, instance: int, told: _Told) -> Iterator[int]:
                 yield body
 
 
-def _say_doubts(view: Any, instance: int, told: _Told) -> None:
+def _say_doubts(view: Any, instance: int, told: PluginSettings) -> None:
     """Say once what is doubtful about an instance; raise if it wets nothing."""
     wet = []
     reasons: list[str] = []
@@ -565,20 +588,7 @@ def _say_too_large_step(view: Any, body: int, key: int) -> None:
         )
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Told:
-    """What the keys of an instance say."""
-
-    water: Water
-    options: HullOptions
-    surface: MovingWater
-    geoms: str
-    below: bool
-    sea: Sea
-    sea_text: str
-
-
-def _configured(view: _layout.ModelView, instance: int) -> _Told:
+def _configured(view: _layout.ModelView, instance: int) -> PluginSettings:
     """What an instance's keys say; keys that are not there have their defaults.
 
     Raises:
@@ -607,11 +617,11 @@ def _configured(view: _layout.ModelView, instance: int) -> _Told:
                     f"surface is {moving.surface!r} and radiation is on: bodies that radiate have a surface of their "
                     "own; give one of the two"
                 )
-        return _Told(
+        return PluginSettings(
             water=water,
             options=HullOptions(**hull),
             surface=moving,
-            geoms=given.get("geoms", ""),
+            geoms=_geom_rule(given.get("geoms", "")),
             below=given.get("bodies", "tree") == "tree",
             sea=Sea.from_text(given.get("sea", ""), gravity=float(-view.gravity[2]) or 9.81),
             sea_text=given.get("sea", ""),
@@ -620,7 +630,7 @@ def _configured(view: _layout.ModelView, instance: int) -> _Told:
         raise ValueError(f"{who}: {error}") from error
 
 
-def _check_sensors(view: _layout.ModelView, instance: int, told: _Told) -> None:
+def _check_sensors(view: _layout.ModelView, instance: int, told: PluginSettings) -> None:
     """MuJoCo asks for a sensor's size before it says which object the sensor names."""
     kinds = view.sensor_objtype[view.sensor_plugin == instance]
     site = int(mujoco.mjtObj.mjOBJ_SITE)

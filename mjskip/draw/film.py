@@ -90,7 +90,7 @@ def render_strip(
         scene: where it was thrown.
         trajectory: what the stones did.
         path: .png in a folder that exists.
-        moments: how many, at least 1; from the release to the end of the film.
+        moments: how many, at least 1; from the release on, as long as the stone is at the surface.
         shot: how it is filmed; its size is that of each picture.
         progress: called with the pictures done and to do.
     """
@@ -100,13 +100,14 @@ def render_strip(
     check_folder(path.parent)
     if not 1 <= moments <= 100:
         raise ValueError(f"moments is {moments!r}: give a whole number from 1 to 100")
-    film = shot_times(trajectory, shot)
-    times = np.linspace(film[0], film[-1], moments) if moments > 1 else film[:1]
+    runs = trajectory if isinstance(trajectory, Mapping) else {scene.body: trajectory}
+    follow = runs.get(scene.body) or next(iter(runs.values()))
+    times = strip_times(follow, moments)
     pictures = []
-    images = frames(scene, trajectory, shot, times=times)
+    images = frames(scene, trajectory, shot, times=times, follow=follow)
     with contextlib.closing(images):
         for done, (time, image) in enumerate(zip(times, images, strict=True), start=1):
-            caption(image, f"{time - film[0]:.2f} s", corner="top")
+            caption(image, f"{time - times[0]:.2f} s", corner="top")
             pictures.append(image)
             if progress is not None:
                 progress(done, moments)
@@ -115,6 +116,13 @@ def render_strip(
     with whole_file(path) as part:
         mediapy.write_image(part, compose(pictures))
     return path
+
+
+def strip_times(flight: Trajectory, moments: int) -> Array:
+    """Moments (n,) of a flight as long as the stone is in the air or at the surface [s]."""
+    deep = flight.clearance < -0.1
+    last = flight.time[int(np.argmax(deep))] if deep.any() else flight.time[-1]
+    return np.linspace(flight.time[0], last, moments) if moments > 1 else flight.time[:1]
 
 
 def compose(pictures: Sequence[Image]) -> Image:

@@ -104,16 +104,18 @@ class Overlay:
 
 
 def numbers_at(flight: Trajectory, time: float) -> str:
-    """Speed, spin and skips so far, as a line."""
-    at = min(int(np.searchsorted(flight.time, time, side="right")) - 1, len(flight.time) - 1)
-    at = max(at, 0)
+    """Speed, spin and skips so far, as a line; when the flight is over, only how it was."""
+    skips = sum(1 for c in flight.contacts if c.exit is not None and c.exit.time <= time)
+    skips = min(skips, flight.skips)
+    counted = f"{skips} skip{'' if skips == 1 else 's'}"
+    if time > flight.time[-1] + 1e-9:
+        return f"{counted}, {flight.end}"
+    at = max(int(np.searchsorted(flight.time, time, side="right")) - 1, 0)
     speed = float(np.linalg.norm(flight.velocity[at]))
     # about the axis of greatest inertia; a stone that is not thrown keeps none
     axis = _axis(flight)
     spin = abs(float(flight.omega[at] @ (matrices(flight.q[at]) @ axis))) / (2.0 * math.pi)
-    airborne = [c for c in flight.contacts if c.exit is not None and c.exit.time <= time]
-    skips = min(len(airborne), flight.skips)
-    return f"{speed:.1f} m/s  ·  {spin:.0f} rev/s  ·  {skips} skip{'' if skips == 1 else 's'}"
+    return f"{speed:.1f} m/s  ·  {spin:.0f} rev/s  ·  {counted}"
 
 
 def _axis(flight: Trajectory) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import functools
 from collections.abc import Iterator, Mapping
 from importlib.resources import files
@@ -67,25 +68,27 @@ def gl() -> Any:
 
 
 @functools.cache
-def _source() -> str:
-    return files("mjskip.draw").joinpath("water.glsl").read_text(encoding="utf-8")
+def _source(name: str) -> str:
+    return files("mjskip.draw").joinpath(name).read_text(encoding="utf-8")
 
 
-def program(*parts: str, vertex: str = _TILES, source: str | None = None) -> int:
-    """Compile parts of `water.glsl`, or another source.
+def program(*parts: str, spray: bool = False) -> int:
+    """Compile parts of `water.glsl`, or of `spray.glsl`.
 
     Raises:
         RenderError: the driver refuses it.
     """
     from OpenGL.GL import shaders  # type: ignore[import-untyped, unused-ignore]
 
+    fragment = _source("spray.glsl" if spray else "water.glsl")
+    vertex = "#define VERTEX\n" + fragment if spray else _TILES
     head = f"#version 330\n#define TILE {TILE}.0\n" + "".join(f"#define {part}\n" for part in parts)
     try:
         made = [
             shaders.compileShader(head + text, stage)
             for text, stage in (
                 (vertex, gl().GL_VERTEX_SHADER),
-                (source or _source(), gl().GL_FRAGMENT_SHADER),
+                (fragment, gl().GL_FRAGMENT_SHADER),
             )
         ]
         found = gl().glCreateProgram()
@@ -255,7 +258,7 @@ class WaterPasses:
         self.result = Target(size, {"result": "RGBA8"})
         self._far: Target | None = None
         self._vertices = int(g.glGenVertexArrays(1))
-        self._view = int(g.glGenBuffers(1))
+        self._view, self._points = (int(name) for name in g.glGenBuffers(2))
         g.glBindBuffer(g.GL_UNIFORM_BUFFER, self._view)
         g.glBufferData(g.GL_UNIFORM_BUFFER, 16 * VIEW_ROWS, None, g.GL_STREAM_DRAW)
         tile = ripples()
@@ -289,6 +292,46 @@ class WaterPasses:
         self._set_view(view)
         for kind, drawn in tiles.items():
             self._fill(kind, self.light if kind.startswith("LIGHT") else self.result, drawn)
+
+    def draw_spray(self, view: Array, drops: Array, sheet: Array) -> None:
+        """Draw drops (n, 5) and triangles (m, 4) into `result`, see `mjskip.draw.spray`."""
+        g = gl()
+        g.glBindFramebuffer(g.GL_DRAW_FRAMEBUFFER, self.result.buffer)
+        g.glViewport(0, 0, *self._size)
+        g.glDisable(g.GL_DEPTH_TEST)
+        g.glDisable(g.GL_CULL_FACE)
+        g.glEnable(g.GL_BLEND)
+        g.glEnable(g.GL_PROGRAM_POINT_SIZE)
+        g.glEnable(g.GL_POINT_SPRITE)  # MuJoCo's context is a compatible one
+        g.glBlendFunc(g.GL_SRC_ALPHA, g.GL_ONE_MINUS_SRC_ALPHA)
+        g.glBindVertexArray(self._vertices)
+        g.glActiveTexture(g.GL_TEXTURE0 + UNITS["distances"])
+        g.glBindTexture(g.GL_TEXTURE_2D, self.model.textures["distances"].name)
+        rows = dict(zip(("eye", "ahead", "right", "up", "planes"), view, strict=False))
+        for kind, values, shape in (
+            ("SHEET", sheet, g.GL_TRIANGLES),
+            ("DROPS", drops, g.GL_POINTS),
+        ):
+            if not len(values):
+                continue
+            made = self._programs.get(kind) or program(kind, spray=True)
+            self._programs[kind] = made
+            g.glUseProgram(made)
+            for name, row in rows.items():
+                row = [*row[:3], self._size[1]] if name == "up" else row
+                g.glUniform4f(g.glGetUniformLocation(made, name), *map(float, row))
+            g.glUniform2f(g.glGetUniformLocation(made, "size"), *map(float, self._size))
+            g.glBindBuffer(g.GL_ARRAY_BUFFER, self._points)
+            g.glBufferData(g.GL_ARRAY_BUFFER, values.nbytes, values, g.GL_STREAM_DRAW)
+            for place, first, count in ((0, 0, 4), (1, 3, 2)):
+                wide = values.shape[1]
+                g.glEnableVertexAttribArray(place)
+                g.glVertexAttribPointer(
+                    place, min(count, wide - first), g.GL_FLOAT, False, 4 * wide,
+                    ctypes.c_void_p(4 * first),
+                )  # fmt: skip
+            g.glDrawArrays(shape, 0, len(values))
+        g.glBindBuffer(g.GL_ARRAY_BUFFER, 0)
 
     def read(self, out: npt.NDArray[np.uint8]) -> None:
         """Take the picture (height, width, 3), rows from the top."""
@@ -340,7 +383,7 @@ class WaterPasses:
         for made in self._programs.values():
             g.glDeleteProgram(made)
         g.glDeleteVertexArrays(1, [self._vertices])
-        g.glDeleteBuffers(1, [self._view])
+        g.glDeleteBuffers(2, [self._view, self._points])
 
     def _program(self, kind: str) -> int:
         """Parts of `water.glsl`, compiled when they are first needed."""

@@ -141,7 +141,7 @@ def _draw_run(panels: Any, run: Trajectory, name: str, colour: str, *, alone: bo
     panels["speed"].plot(run.time, np.linalg.norm(run.velocity, axis=1), color=colour)
     panels["momentum"].plot(run.time, run.P[:, 0], color=colour)
     panels["momentum"].plot(run.time, run.P[:, 2], color=colour, ls="--")
-    panels["tilt"].plot(run.time, np.degrees(attack), color=colour)
+    panels["tilt"].plot(run.time, _without_jumps(np.degrees(attack)), color=colour)
     panels["tilt"].plot(run.time, np.degrees(bank), color=colour, ls="--")
     turning = np.linalg.norm(run.omega, axis=1) / (2.0 * math.pi)
     panels["spin"].plot(run.time, turning, color=colour)
@@ -149,6 +149,12 @@ def _draw_run(panels: Any, run: Trajectory, name: str, colour: str, *, alone: bo
         for key in ("speed", "momentum", "tilt", "spin"):
             for first, last in _spans(wet):
                 panels[key].axvspan(run.time[first], run.time[last], color=_WET, alpha=0.5, lw=0)
+
+
+def _without_jumps(angle: Array) -> Array:
+    """An angle [degrees] with gaps where it leaps from -90 to 90: nothing turned there but its name."""
+    leaps = np.abs(np.diff(angle, prepend=angle[0])) > 90.0
+    return np.where(leaps, np.nan, angle)
 
 
 def _spans(wet: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:

@@ -7,12 +7,13 @@ import math
 from collections.abc import Generator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import gaussian_filter1d
 
+from mjskip.draw.forces import draw_loads, loads_at
 from mjskip.draw.gl import gl_renderer as gl_renderer
 from mjskip.draw.gl import is_software as is_software
 from mjskip.draw.overlay import Overlay, numbers_at
@@ -32,10 +33,12 @@ from mjskip.draw.video import (
     write_video,
 )
 from mjskip.files import check_folder
-from mjskip.throws.trajectory import Trajectory
-from mjskip.throws.wake import Wake
+from mjskip.throws.rings import recorded_rings
+from mjskip.throws.trajectory import Trajectory, pose_at
+from mjskip.waves.recording import SurfaceFrames, SurfaceRecording
 
 if TYPE_CHECKING:
+    from mjskip.hydro.stone import Stone
     from mjskip.throws.scene import Scene
 
 Array = npt.NDArray[np.float64]
@@ -61,6 +64,8 @@ class Shot:
         trail: whether the stone's path fades behind it.
         marks: whether a ring stays where it touched.
         caption: whether speed, spin and skips are written into the corner.
+        spray: whether drops fly; drawn only, see `mjskip.draw.spray`.
+        forces: whether arrows of the forces, wetted faces and centres of buoyancy are drawn over it.
 
     Raises:
         ValueError: a size, rate or name that cannot be used.
@@ -75,6 +80,8 @@ class Shot:
     trail: bool = True
     marks: bool = True
     caption: bool = True
+    spray: bool = True
+    forces: bool = False
 
     def __post_init__(self) -> None:
         check_size(self.size)
@@ -105,6 +112,8 @@ def render_video(
     trail: bool = True,
     marks: bool = True,
     caption: bool = True,
+    spray: bool = True,
+    forces: bool = False,
     progress: Progress | None = None,
 ) -> Path:
     """Write a video of a throw: h264, or an animated WebP or GIF.
@@ -124,6 +133,8 @@ def render_video(
         trail: whether the stone's path fades behind it.
         marks: whether a ring stays where it touched.
         caption: whether speed, spin and skips are written into the corner.
+        spray: whether drops fly; drawn only, see `mjskip.draw.spray`.
+        forces: whether arrows of the forces, wetted faces and centres of buoyancy are drawn over it.
         progress: called with the frames done and to do.
 
     Returns:
@@ -138,7 +149,7 @@ def render_video(
     check_video_path(path)
     shot = Shot(
         camera=camera, size=size, fps=fps, slow=slow, look=look, linger=linger, trail=trail,
-        marks=marks, caption=caption,
+        marks=marks, caption=caption, spray=spray,
     )  # fmt: skip
     images = frames(scene, trajectory, shot)
     with contextlib.closing(images):
@@ -164,53 +175,89 @@ def render_frames(
 
 
 def frames(
-    scene: Scene, trajectory: Flights, shot: Shot = USUAL, *, times: Array | None = None
+    scene: Scene,
+    trajectory: Flights,
+    shot: Shot = USUAL,
+    *,
+    times: Array | None = None,
+    follow: Trajectory | None = None,
 ) -> Generator[Image, None, None]:
     """The pictures (height, width, 3) of a throw, one at a time; see `render_video`.
 
-    Rigid bodies are only placed, never stepped. The water starts still and gets back, between
-    pictures, what it gave to the stones.
+    Bodies and water are only shown, never stepped: the water is that which was recorded with the throw
+    (`Trajectory.surface`). A throw without a recording is given one, of still water that gets back what it
+    gave to the stones.
 
     Args:
         scene: where it was thrown.
         trajectory: what the stones did.
         shot: how it is filmed.
         times: ascending moments to draw [s]; those of the film if None.
+        follow: the flight that a camera that follows keeps in its middle to the end; None for the scene's
+            stone until it ploughs on, see `followed`.
     """
     if times is None:
         times = shot_times(trajectory, shot)
     flights = _by_body(scene, trajectory)
-    field = scene.field()
     body = scene.body if scene.body in flights else next(iter(flights))
-    grid = Grid.around(step=max(field.spacing, _STEP * largest_radius(scene.model, body)))
-    stage = Stage(scene, flights, camera=shot.camera, size=shot.size, grid=grid, look=shot.look)
+    spacing = scene.field().spacing
+    grid = Grid.around(step=max(spacing, _STEP * largest_radius(scene.model, body)))
+    stage = Stage(
+        scene,
+        flights,
+        camera=shot.camera,
+        size=shot.size,
+        grid=grid,
+        look=shot.look,
+        spray=shot.spray,
+    )
     # the stage opens here, not at the first picture: what is wrong shows before a file is begun
     stage.open()
-    wake = Wake(field, list(flights.values()), density=scene.water.density)
-    return _play(stage, field, wake, times, flights, body, shot)
+    if follow is None:
+        centres = followed(flights[body], times)
+    else:
+        centres = np.array([pose_at(follow, time)[0] for time in times.tolist()])
+    water = surface_of(scene, flights, shot)
+    return _play(stage, water, times, centres, flights, body, shot, scene.stones)
+
+
+def surface_frames(shot: Shot) -> SurfaceFrames:
+    """The moments of the water that a film shows: record a throw with them, and it shows the water that was."""
+    return SurfaceFrames(rate=shot.fps * shot.slow, linger=shot.linger / shot.slow)
+
+
+def surface_of(scene: Scene, flights: Mapping[str, Trajectory], shot: Shot) -> SurfaceRecording:
+    """The water as it was recorded with the throw, or rings made for the film."""
+    for flight in flights.values():
+        if flight.surface is not None:
+            return flight.surface
+    return recorded_rings(scene, list(flights.values()), surface_frames(shot))
 
 
 def _play(
     stage: Stage,
-    field: Any,
-    wake: Wake,
+    water: SurfaceRecording,
     times: Array,
+    centres: Array,
     flights: Mapping[str, Trajectory],
     body: str,
     plan: Shot,
+    stones: Mapping[str, Stone],
 ) -> Generator[Image, None, None]:
     overlays = [
         Overlay(flight, trail=plan.trail, marks=plan.marks, number=number)
         for number, flight in enumerate(flights.values())
     ]
-    centres = followed(flights[body], times)
     with contextlib.closing(stage):
-        wake.time = min(float(times[0]), min(float(f.time[0]) for f in flights.values()))
         for time, centre in zip(times.tolist(), centres, strict=True):
-            wake.advance(time)
-            image = stage.draw(time, field, centre=centre)
+            image = stage.draw(time, water.at(time), centre=centre)
             for overlay in overlays:
                 overlay.draw(image, time, stage.eye)
+            if plan.forces and time <= flights[body].time[-1]:
+                loads = [loads_at(flight, stones[name], time) for name, flight in flights.items()]
+                for one in loads:
+                    draw_loads(image, one, stage.eye)
+                write_caption(image, loads[list(flights).index(body)].text, corner="top")
             if plan.caption:
                 slowed = f"  ·  {plan.slow:g} times slower" if plan.slow > 1.0 else ""
                 write_caption(image, numbers_at(flights[body], time) + slowed)

@@ -46,6 +46,7 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
     Attributes:
         water: what is drawn: may be set at any time.
         appearance: clear or turbid, smooth or ruffled: may be set at any time.
+        spray: drops (n, 5) and a sheet (m, 4) that are drawn over it, as `mjskip.draw.spray` makes them.
         linear: True leaves colours as they come out of the laws of optics: no tone curve, no glints of
             the sun, no darkening of wet edges.
     """
@@ -72,7 +73,7 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
             width: of pictures [pixels].
             max_geom: as `mujoco.Renderer`'s.
             font_scale: as `mujoco.Renderer`'s.
-            water: a coupling of bodies and water, a `HeightField`, a `Lake`, a recording of a surface, an
+            water: a coupling of bodies and water, a `HeightField`, a recording of a surface, an
                 array (nx, ny) of heights [m], or None for still water at z = 0.
             spacing: side of a cell of an array [m].
             centre: of an array (x, y) [m].
@@ -90,6 +91,7 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         self.linear = linear
         self._spacing, self._centre = spacing, centre
         self.water = water
+        self.spray: tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]] | None = None
         self._surroundings: Surroundings | None = None
         self._time = 0.0
         self._patch((0.0, 0.0))
@@ -160,6 +162,8 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
                 view, patch = self._see(self._passes)
                 self._take(self._passes)
                 self._passes.draw(view, self._tiles(view, patch))
+                if self.spray is not None:
+                    self._passes.draw_spray(view, *self.spray)
                 self._passes.read(image)
         if out is None or out is image:
             return image

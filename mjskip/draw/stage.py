@@ -14,6 +14,7 @@ from mjskip.draw.eye import Eye
 from mjskip.draw.gl import offscreen, shaders_work
 from mjskip.draw.renderer import Renderer
 from mjskip.draw.skin import Grid, WaterSkin, add_water
+from mjskip.draw.spray import Spray
 from mjskip.draw.surface import patch_of
 from mjskip.draw.video import Image
 from mjskip.errors import MjskipWarning, RenderError, SceneError
@@ -50,6 +51,7 @@ class Stage:
         size: tuple[int, int],
         grid: Grid,
         look: Look = "shaded",
+        spray: bool = True,
     ) -> None:
         if look not in LOOKS:
             raise ValueError(f"look is {look!r}: use one of {', '.join(LOOKS)}")
@@ -78,6 +80,12 @@ class Stage:
         self._thrown = {name: self.model.body(name).id for name in self._addresses}
         self._skin = WaterSkin(self.model, grid) if self._plain else None
         self._renderer: Any = None
+        density = scene.water.density
+        self._sprays = (
+            [Spray(flight, density=density) for flight in flights.values()]
+            if spray and not self._plain
+            else []
+        )
         self.eye = Eye(
             position=np.zeros(3), forward=np.array([1.0, 0.0, 0.0]),
             up=np.array([0.0, 0.0, 1.0]), half_height=1.0, aspect=wide / high,
@@ -122,6 +130,11 @@ class Stage:
         self.data.time = time
         if not self._plain:
             self._renderer.water = surface
+            parts = [(spray.drops(time), spray.sheet(time)) for spray in self._sprays]
+            drops, sheets = zip(*parts, strict=True) if parts else ([], [])
+            self._renderer.spray = (
+                (np.concatenate(drops), np.concatenate(sheets)) if parts else None
+            )
         self._renderer.update_scene(self.data, self._camera)
         self._wet_stones(time)
         self.eye = Eye.of(self._renderer.scene, self._size[0] / self._size[1])
@@ -151,7 +164,8 @@ class Stage:
             position, attitude = pose_at(flight, time)
             body = self.model.body(name)
             at = self._addresses[name]
-            if time > flight.time[-1] and flight.end in _GOES_ON:
+            gone = flight.end in _GOES_ON and not flight.attributes.get("afloat")
+            if gone and time > flight.time[-1]:
                 position = position - np.array([0.0, 0.0, _AWAY])
             self.data.qpos[at : at + 3] = position - _rotated(body.ipos, attitude)
             self.data.qpos[at + 3 : at + 7] = attitude

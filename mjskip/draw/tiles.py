@@ -43,7 +43,7 @@ def footprints(view: npt.NDArray[np.float32], size: tuple[int, int]) -> tuple[Fl
     offset = along[:, None, :, None] + across[None, :, None, :]  # (2, 2, rows, columns, 3)
     ray = ahead + (1.0 - flat) * offset
     start = eye + flat * offset
-    dips = ray[..., 2] * view[0, 3] < -1e-4
+    dips = ray[..., 2] * view[0, 3] < -1e-6
     far = np.where(dips, -start[..., 2] / np.where(dips, ray[..., 2], 1.0), _HORIZON)
     places = (start + far[..., None] * ray)[..., :2].reshape(4, *dips.shape[2:], 2)
     box = np.stack([places.min(axis=0), places.max(axis=0)], axis=-1)

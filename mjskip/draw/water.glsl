@@ -170,15 +170,17 @@ float meet(int k, vec3 o, vec3 d, out float near)
     return t > 0.0 ? t : AWAY;
 }
 
-// Sunlight that bodies let pass to a point: soft, for the sun is no point and the water no pane.
-float shadow(vec3 p, vec3 toward)
+// Sunlight that bodies let pass to a point: soft, for the sun is no point and the water no pane. Side: +1 for what of
+// them is above the water, -1 for what is under it.
+float shadow(vec3 p, vec3 toward, float side)
 {
     float light = 1.0;
 #ifdef SHADE
     float near;
     for (int k = 0; k < int(around.z); ++k) {
         meet(k, p, toward, near);
-        light *= smoothstep(0.6, 1.6, near);
+        bool there = side * bodies[4 * k].z > -0.5 * bodies[4 * k].w;
+        light *= there ? smoothstep(0.6, 1.6, near) : 1.0;
     }
 #endif
     return light;
@@ -289,8 +291,8 @@ float light_at(vec3 q, float width)
 #ifdef WAVES
     bend += bend_at(entry);
 #endif
-    return caustic(max(-q.z, 0.0), bend) * shadow(vec3(entry, 0.0), sun.xyz)
-        * shadow(q, normalize(vec3(k * sun.xy, 1.0)));
+    return caustic(max(-q.z, 0.0), bend) * shadow(vec3(entry, 0.0), sun.xyz, 1.0)
+        * shadow(q, normalize(vec3(k * sun.xy, 1.0)), -1.0);
 }
 
 // What a ray under water meets, bodies that move, what stands in the water or the bottom; and how far away.
@@ -376,7 +378,7 @@ void main()
     slope += slopes(p, normalize(d.xy + 1e-9), pixel / slant, pixel);
 #endif
     vec3 n = normal_of(slope, d), bent = refract(d, n, eye.w > 0.0 ? 1.0 / INDEX : INDEX), back = reflect(d, n);
-    float lit = shadow(p, sun.xyz), part = fresnel(-dot(d, n), eye.w > 0.0 ? 1.0 / INDEX : INDEX);
+    float lit = shadow(p, sun.xyz, 1.0), part = fresnel(-dot(d, n), eye.w > 0.0 ? 1.0 / INDEX : INDEX);
 #ifdef SUNK
     bent = part < 1.0 ? normalize(vec3(bent.xy, max(bent.z, 0.01))) : vec3(0.0, 0.0, 1.0);
     vec3 through = above(p, bent);
@@ -411,7 +413,7 @@ void main()
 #ifdef STANDING
     h = textureLod(shape, at, 0.0).r;
 #endif
-    float reach = range(at), t = ray.z * eye.w < -1e-4 ? (h - o.z) / ray.z : AWAY;
+    float reach = range(at), t = ray.z * eye.w < -1e-6 ? (h - o.z) / ray.z : AWAY;
     // what is just above the water is wet, and darker; the bank goes on into the water as it is drawn
     float over = abs(o.z + reach * ray.z - h);
     c *= 1.0 - 0.35 * (1.0 - scattered.w) * (1.0 - min(over / 0.03, 1.0));

@@ -158,7 +158,7 @@ def draw(nodes: dict[str, Any], water: DrawnWater, frame: Frame, *, view: str) -
     if view != FOLLOW:
         x, y, _ = (0.5 * (thrown.chosen.x[0] + thrown.chosen.x[-1])).tolist()
     place = water.place(x, y)
-    nodes["water"].vertices = water.vertices(frame.lake, middle=place)
+    nodes["water"].vertices = water.vertices(frame.water, middle=place)
     nodes["water"].position = (*place, 0.0)
     nodes["lake"].position = (-x, -y, 0.0)
     for name, (position, attitude) in frame.poses.items():

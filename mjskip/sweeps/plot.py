@@ -25,6 +25,9 @@ SHOWN = {p.unit: (p.shown_unit, 1.0 / p.factor) for p in PARAMETERS.values() if 
 
 MOST_PANELS = 9
 
+MOST_COLOURS = 10
+"""Whole numbers that a map shows in a colour each."""
+
 
 def plot_sweep(
     data: xr.Dataset, path: str | os.PathLike[str], *, result: str = "skips", dpi: int = 120
@@ -84,7 +87,8 @@ def plot_sweep(
     for spare in axes[places:]:
         spare.set_axis_off()
     if drawn is not None:
-        figure.colorbar(drawn, ax=list(axes), label=_result_label(data, result))
+        counts = _counts(data, result)
+        figure.colorbar(drawn, ax=list(axes), label=_result_label(data, result), ticks=counts)
     figure.suptitle(_title(data), fontsize=9)
     with whole_file(path) as part:
         figure.savefig(part)
@@ -112,8 +116,7 @@ def _map(axes: Any, data: xr.Dataset, across: list[str], result: str, label: str
 
     x, y = (_shown(data[d]) for d in across)
     mean = _mean(data[result]).transpose(across[1], across[0]).values
-    low, high = _ends(all_, result)
-    drawn = axes.pcolormesh(x, y, mean, cmap="viridis", vmin=low, vmax=high, shading="nearest")
+    drawn = axes.pcolormesh(x, y, mean, shading="nearest", **_colours(all_, result))
     if np.isnan(mean).any():
         axes.set_facecolor("0.8")
     share = _mean((data["skips"] >= 1).where(data["skips"].notnull()))
@@ -164,6 +167,31 @@ _KINDS = {"map": _map, "curve": _curve, "cloud": _cloud}
 
 def _mean(values: xr.DataArray) -> xr.DataArray:
     return values.mean(MEMBER) if MEMBER in values.dims else values
+
+
+def _counts(data: xr.Dataset, result: str) -> Array | None:
+    """The whole numbers that a map has to show, if they are few; None if a scale is continuous."""
+    values = _mean(data[result]).values
+    values = values[np.isfinite(values)]
+    if not len(values) or np.any(values != np.round(values)) or np.ptp(values) > MOST_COLOURS - 1:
+        return None
+    return np.arange(values.min(), values.max() + 1.0)
+
+
+def _colours(data: xr.Dataset, result: str) -> dict[str, Any]:
+    """Of a map: one for each of a few whole numbers (two for yes and no), else a scale."""
+    from matplotlib import colormaps
+    from matplotlib.colors import BoundaryNorm
+
+    counts = _counts(data, result)
+    if counts is None or len(counts) < 2:
+        low, high = _ends(data, result)
+        return {"cmap": "viridis", "vmin": low, "vmax": high}
+    edges = np.append(counts - 0.5, counts[-1] + 0.5)
+    return {
+        "cmap": colormaps["viridis"].resampled(len(counts)),
+        "norm": BoundaryNorm(edges, len(counts)),
+    }
 
 
 def _ends(data: xr.Dataset, result: str) -> tuple[float, float]:
