@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from mjskip.draw.renderer import Renderer as Renderer
     from mjskip.hydro.hull import Hull as Hull
     from mjskip.hydro.laws import LAWS as LAWS
+    from mjskip.hydro.seas import Sea as Sea
     from mjskip.hydro.stone import Stone as Stone
     from mjskip.hydro.water import Water as Water
     from mjskip.hydro.wrench import wrench as wrench
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = [
-    "LAWS", "Contact", "Coupling", "HeightField", "Hull", "Limits", "Renderer", "Scene", "Stone", "Throw",
+    "LAWS", "Contact", "Coupling", "HeightField", "Hull", "Limits", "Renderer", "Scene", "Sea", "Stone", "Throw",
     "Trajectory", "Water", "WaterAppearance", "WaterSurface", "add_water", "attach", "errors", "float_at_rest", "integrate", "load_scene",
     "optimize", "register_plugin", "render_video",
     "simulate", "simulate_all", "sweep", "wrench",
@@ -57,6 +58,7 @@ _WHERE = {
     "draw.renderer": ["Renderer"],
     "hydro.hull": ["Hull"],
     "hydro.laws": ["LAWS"],
+    "hydro.seas": ["Sea"],
     "hydro.stone": ["Stone"],
     "hydro.water": ["Water"],
     "hydro.wrench": ["wrench"],
@@ -64,7 +66,7 @@ _WHERE = {
     "sweeps.sweep": ["sweep"],
     "throws.recording": ["Limits"],
     "throws.reference": ["integrate"],
-    "throws.scene": ["Scene", "load_scene"],
+    "throws.scene": ["Scene", "Sea", "load_scene"],
     "throws.simulate": ["simulate", "simulate_all"],
     "throws.throw": ["Throw"],
     "throws.trajectory": ["Contact", "Trajectory"],

@@ -1,18 +1,24 @@
 """Bodies that radiate inside MuJoCo: by attach and by the plugin."""
 
+import json
 import math
 import pickle
+import resource
 
 import hulls
 import mujoco
 import mujoco.rollout
 import numpy as np
 import pytest
+import xarray
 
 import mjskip
+from mjskip.cli import main
+from mjskip.coupling.loading import load_model
 from mjskip.coupling.plugin import plugin_surface, register_plugin
 from mjskip.hydro.radiation import table_coefficients
 from mjskip.hydro.seas import Sea
+from mjskip.throws.scene import shipped_scenes
 
 SPHERE = '<body name="float"><freejoint/><geom type="sphere" size=".15" mass="7.0686"/>{}</body>'
 BARGE = '<body name="barge"{}><freejoint/><geom name="deck" type="box" size=".5 .2 .1" mass="{}"/>{}</body>'
@@ -356,3 +362,125 @@ def test_the_plugin_refuses_a_sea_without_radiation():
             '<mujoco><extension><plugin plugin="mjskip.water"><instance name="sea"><config key="sea" value="hs=1 tp=3"/>'
             f"</instance></plugin></extension><worldbody>{SPHERE.format(CARRIES)}</worldbody></mujoco>"
         )
+
+
+def test_a_hull_that_lies_deeper_is_prepared_again():
+    """A load at one end: draft and trim change, and the added mass in MuJoCo's matrix is that of the new pose."""
+    load = '<body name="load" pos="0.25 0 0.16"><freejoint/><geom type="box" size=".06 .1 .05" mass="16" friction="2"/></body>'
+    compiled = model(BARGE.format("", 40, CARRIES) + load, timestep=0.004)
+    data = mujoco.MjData(compiled)
+    before, after = np.zeros((12, 12)), np.zeros((12, 12))
+    mujoco.mj_forward(compiled, data)
+    mujoco.mj_fullM(compiled, data, before)
+    heaves(compiled, data, 3000)
+    mujoco.mj_forward(compiled, data)
+    mujoco.mj_fullM(compiled, data, after)
+    assert np.isfinite(data.qpos).all()
+    assert after[0, 0] - 40.0 > 1.2 * (before[0, 0] - 40.0)  # surge: its ends are deeper
+    copied = pickle.loads(pickle.dumps(data))
+    for each in (data, copied):
+        heaves(compiled, each, 20)
+    np.testing.assert_array_equal(copied.qpos, data.qpos)
+
+
+@pytest.mark.parametrize(
+    ("set_motion", "match"),
+    [
+        (lambda data: data.qvel.__setitem__(0, 3.0), "it planes"),
+        (lambda data: data.qvel.__setitem__(2, -2.5), "it slams"),
+        (
+            lambda data: data.qpos.__setitem__(slice(3, 7), [0.8, 0.6, 0.0, 0.0]),
+            "degrees from that in which it floats",
+        ),
+    ],
+)
+def test_where_the_theory_ends_is_said_once(set_motion, match):
+    compiled = model(BARGE.format("", 39.5 + len(match) / 100.0, CARRIES))
+    data = mujoco.MjData(compiled)
+    data.qpos[2] = plugin_surface(compiled).rests[0].height
+    set_motion(data)
+    with pytest.warns(mjskip.errors.MjskipWarning, match=match) as told:
+        heaves(compiled, data, 5)
+    assert len(told) == 1
+
+
+def test_added_water_can_have_a_sea():
+    spec = mujoco.MjSpec.from_string(f"<mujoco><worldbody>{SPHERE.format('')}</worldbody></mujoco>")
+    mjskip.add_water(spec, mjskip.Water.floating(radiation=True), sea="height=0.02 period=1.2")
+    compiled = spec.compile()
+    data = mujoco.MjData(compiled)
+    heaves(compiled, data, 200)
+    assert plugin_surface(compiled).sea.significant_height > 0.0
+    assert data.sensordata[2] == pytest.approx(7.0686 * 9.81, rel=0.5)
+
+
+SCENES = {"boat_in_swell": 0.6, "drone_deck": 0.4, "buoy": 0.8}
+"""Shipped scenes, and how far above still water the body may come [m]."""
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_scene_afloat_runs(name):
+    compiled = load_model(shipped_scenes()[name])
+    data = mujoco.MjData(compiled)
+    path = heaves(compiled, data, 500)
+    assert np.isfinite(path).all()
+    assert np.abs(path).max() < SCENES[name]
+    assert not data.warning.number.any()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SCENES)
+def test_a_scene_afloat_runs_for_ten_minutes_in_flat_memory(name):
+    compiled = load_model(shipped_scenes()[name])
+    data = mujoco.MjData(compiled)
+    heaves(compiled, data, 1000)
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    highest = 0.0
+    for _ in range(round(600.0 / compiled.opt.timestep)):
+        mujoco.mj_step(compiled, data)
+        highest = max(highest, abs(data.qpos[2]))
+    assert np.isfinite(data.qpos).all()
+    assert highest < SCENES[name]
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss < memory + 200_000
+
+
+def test_the_command_hydro_knows_its_bodies(tmp_path, capsys):
+    file = tmp_path / "sphere.xml"
+    file.write_text(f"<mujoco><worldbody>{SPHERE.format('')}</worldbody></mujoco>")
+    with pytest.raises(SystemExit) as ended:
+        main(["hydro", str(file), "--json", "--omega", "4:12:5", "--save", str(tmp_path / "a.nc")])
+    assert ended.value.code == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["dofs"] == ["Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw"]
+    assert len(found["omega"]) == 5
+    heave = found["natural_period"][2]
+    assert heave == pytest.approx(0.77, rel=0.02)  # of the decay's oracle
+    assert found["infinite_added_mass"][2][2] == pytest.approx(0.5 * 7.0686, rel=0.02)
+    saved = xarray.open_dataset(tmp_path / "a.nc", engine="h5netcdf")
+    assert {"added_mass", "radiation_damping", "excitation_force", "diffraction_force"} <= set(
+        saved
+    )
+    assert set(saved.excitation_force.dims) == {
+        "complex",
+        "omega",
+        "wave_direction",
+        "influenced_dof",
+    }
+    decay = np.array(found["decay"], dtype=float)[:, 2]
+    assert np.nanmin(decay) == pytest.approx(-0.865, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("words", "match"),
+    [
+        (["--omega", "3"], "give LOW:HIGH:COUNT"),
+        (["--omega", "3:1:5"], "give 0 < LOW < HIGH"),
+        (["--save", "a.txt"], "such files end in .nc"),
+        (["--depth", "-1"], "depth is -1.0"),
+    ],
+)
+def test_the_command_hydro_refuses_in_one_line(words, match, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["hydro", "buoy", *words])
+    assert ended.value.code == 2
+    assert match in capsys.readouterr().err

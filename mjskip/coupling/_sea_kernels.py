@@ -43,8 +43,11 @@ from mjskip.hydro import _afloat_kernels as afloat
 WRENCH, BUILDER, TABLE, GRAVITY, TIMESTEP, MEMBERS = 0, 1, 2, 3, 4, 5
 SLOTS, PAIRS = 0, 1
 INSTANCE, DATA, ENTRY_ASKED, ANSWER, KEY, MESSAGE, REQUEST = 0, 1, 2, 3, 4, 5, 6
-"""A request: the entry of a plugin's instance, or else (instance -1) the state of attached data."""
-SURFACE_BLOCK, SURFACE_WORDS, COUNT, SCRATCH, STATES, ENTRY = 0, 1, 2, 3, 4, 5
+"""A request: the entry of a plugin's instance for the state at an address (0: as bodies float by themselves), or with one
+of the numbers below as instance."""
+NEW_STATE, PREPARE_AGAIN, DOUBT = -1, -2, -3
+"""The state of attached data; the entry of attached bodies for a state; to say that a body is where the theory ends."""
+SURFACE_BLOCK, SURFACE_WORDS, COUNT, SCRATCH, STATES, STATE_SIZE, DOUBTED, ENTRY = range(8)
 BODY, BLOCK, WORDS, SLOT, RECORD, ROW = 0, 1, 2, 3, 4, 5
 
 MODEL_MEMBERS = (
@@ -62,6 +65,15 @@ XPOS, XMAT, CVEL, CDOF, SUBTREE_COM, QFRC_PASSIVE, QVEL, M, PLUGIN_STATE, TIME =
     MEMBERS + len(MODEL_MEMBERS), MEMBERS + len(MODEL_MEMBERS) + len(DATA_MEMBERS)
 )
 
+DRAFT_SHARE, STEEP = 0.25, 0.15
+"""A hull is prepared again when its mean height has changed by this share of its draft, or its mean roll or pitch by this
+angle [rad]."""
+DRAFT_STEP, ANGLE_STEP = 0.05, 0.02
+"""Poses that hulls are prepared for are multiples of these (shares of the draft, rad)."""
+MEMORY = 20.0
+"""Time over which a mean pose is taken, in sqrt(length / 2 g)."""
+CAPSIZE, PLANING, SLAMMING = 0.8, 0.5, 1.0
+"""Linear theory ends about here: cosine of the heel, speed over sqrt(g length), rate of fall over sqrt(g draft)."""
 MOST_DOFS = 64
 """Degrees of freedom between a floating body and the world that know of its added mass."""
 
@@ -83,7 +95,11 @@ LAST_VELOCITY = 1  # of its last six dofs (6)
 ACCELERATION = 7  # of them over the last step (6)
 LOAD = 13  # force and torque on it at the last evaluation (6)
 MOVED = 19  # 1 once its last velocity is known
-OWN = 20
+MEAN = (
+    20  # its height, roll and pitch from the pose that its hull is prepared for, over some time (3)
+)
+OFFSET = 23  # that pose from the one in which it floats by itself: height [m], roll, pitch (3)
+OWN = 26
 
 
 @kernel
@@ -113,7 +129,7 @@ def _look_up(table: Any, key: int) -> Any:
 
 @kernel
 def _ask(table: Any, model: int, instance: int, request: int) -> Any:
-    """Ask Python for the entry of an instance, or (-1) for the state that the request names."""
+    """Ask Python what a request is about."""
     words = as_words(request)
     words[INSTANCE], words[ANSWER], words[KEY], words[MESSAGE] = instance, 0, 0, 0
     call_address(table[BUILDER], model, request, 0)
@@ -257,8 +273,45 @@ def _note_acceleration(table: Any, model: int, data: int, body: int, own: Any, s
 
 
 @kernel
-def _step(table: Any, model: int, data: int, entry: Any, at: int, scratch: int) -> None:
-    """Make up for a step of the surface, with the poses and velocities that it led to."""
+def _note_pose(block: Any, pose: Any, own: Any, step: float, gravity: float) -> bool:
+    """Follow a body's mean pose; whether it has left the one that its hull is prepared for. Then it has another."""
+    roll, pitch, _ = afloat.tilt(block, pose)
+    draft = block[afloat.DRAFT]
+    share = min(step / (MEMORY * math.sqrt(0.5 * block[afloat.LENGTH] / gravity)), 1.0)
+    own[MEAN] += share * (pose[2] - block[afloat.REST_HEIGHT] - own[MEAN])
+    own[MEAN + 1] += share * (roll - own[MEAN + 1])
+    own[MEAN + 2] += share * (pitch - own[MEAN + 2])
+    if (
+        abs(own[MEAN]) < DRAFT_SHARE * draft
+        and abs(own[MEAN + 1]) < STEEP
+        and abs(own[MEAN + 2]) < STEEP
+    ):
+        return False
+    for i in range(3):
+        unit = DRAFT_STEP * draft if i == 0 else ANGLE_STEP
+        own[OFFSET + i] += unit * math.floor(own[MEAN + i] / unit + 0.5)
+        own[MEAN + i] = 0.0
+    return True
+
+
+@kernel
+def _forget_readings(entry: Any, at: int) -> None:
+    """Of hulls that were prepared again: their patterns are others."""
+    state = as_doubles(at)
+    for n in range(entry[COUNT]):
+        start = entry[ENTRY + ROW * n + SLOT] + OWN
+        end = entry[STATE_SIZE] if n + 1 == entry[COUNT] else entry[ENTRY + ROW * (n + 1) + SLOT]
+        for i in range(start, end):
+            state[i] = 0.0
+
+
+@kernel
+def _step(table: Any, model: int, data: int, entry: Any, at: int, scratch: int) -> bool:
+    """Make up for a step of the surface, with the poses and velocities that it led to.
+
+    Returns:
+        Whether a hull is to be prepared again.
+    """
     surface = numba.carray(as_doubles(entry[SURFACE_BLOCK]), 1 << 40)
     state = numba.carray(as_doubles(at), 1 << 40)
     waves = int(surface[afloat.WAVES])
@@ -272,6 +325,7 @@ def _step(table: Any, model: int, data: int, entry: Any, at: int, scratch: int) 
         step = surface[afloat.TIMESTEP]
     added[:] = 0.0
     x = y = 0.0
+    again = False
     for n in range(entry[COUNT]):
         row = ENTRY + ROW * n
         block = numba.carray(as_doubles(entry[row + BLOCK]), 1 << 40)
@@ -282,11 +336,13 @@ def _step(table: Any, model: int, data: int, entry: Any, at: int, scratch: int) 
         y += pose[1] / entry[COUNT]
         own = state[entry[row + SLOT] : entry[row + SLOT] + OWN]
         _note_acceleration(table, model, data, entry[row + BODY], own, step)
+        again |= _note_pose(block, pose, own, step, surface[afloat.GRAVITY])
         afloat.push_waves(
             surface, block, state, entry[row + SLOT] + OWN, pose, parts, first, room, added
         )
     afloat.step_waves(surface, state, x, y, step, room, added)
     state[afloat.TIME], state[afloat.PENDING] = now, 0.0
+    return again
 
 
 @kernel
@@ -303,6 +359,7 @@ def _entry_of(table: Any, model: int, data: int, instance: int, at: int) -> Any:
     address = _look_up(table, int(header[afloat.FRESH])) if header[afloat.FRESH] != 0.0 else 0
     if address == 0:
         request = stack_doubles(REQUEST)
+        as_words(request)[DATA] = at
         address = _ask(table, model, instance, request)
         if header[afloat.FRESH] == 0.0:
             header[afloat.TIME] = as_doubles(data + table[TIME])[0]
@@ -323,9 +380,51 @@ def act(model: int, data: int, instance: int) -> None:
     at = _state(table, model, data, instance)
     entry = as_words(_entry_of(table, model, data, instance, at))
     scratch = stack_doubles(entry[SCRATCH])
-    if as_doubles(at)[afloat.PENDING] != 0.0:
-        _step(table, model, data, entry, at, scratch)
+    if as_doubles(at)[afloat.PENDING] != 0.0 and _step(table, model, data, entry, at, scratch):
+        request = stack_doubles(REQUEST)
+        as_words(request)[DATA] = at
+        entry = as_words(_ask(table, model, instance, request))
+        as_doubles(at)[afloat.FRESH] = float(as_words(request)[KEY])
+        _forget_readings(entry, at)
+        scratch = stack_doubles(entry[SCRATCH])
     _act(table, model, data, entry, at, scratch)
+
+
+@kernel
+def _ask_again(table: Any, model: int, address: int, at: int) -> Any:
+    """The entry of attached bodies for the poses that a state holds; it is noted there."""
+    request = stack_doubles(REQUEST)
+    words = as_words(request)
+    words[DATA], words[ENTRY_ASKED] = at, address
+    found = _ask(table, model, PREPARE_AGAIN, request)
+    as_doubles(at)[afloat.FRESH] = float(words[KEY])
+    return found
+
+
+@kernel
+def _doubt(
+    table: Any, model: int, entry: Any, surface: Any, block: Any, pose: Any, body: int
+) -> None:
+    """Say once of an entry that a body is where linear theory ends."""
+    _, _, cosine = afloat.tilt(block, pose)
+    u, v = pose[12] - surface[afloat.CURRENT_X], pose[13] - surface[afloat.CURRENT_Y]
+    speed = math.sqrt((u * u + v * v) / (surface[afloat.GRAVITY] * block[afloat.LENGTH]))
+    fall = -pose[14] / math.sqrt(surface[afloat.GRAVITY] * block[afloat.DRAFT])
+    near = pose[2] < block[afloat.REST_HEIGHT] + block[afloat.DRAFT]
+    what, value = 0, 0.0
+    if cosine < CAPSIZE:
+        what, value = 1, cosine
+    elif near and speed > PLANING:
+        what, value = 2, speed
+    elif near and fall > SLAMMING:
+        what, value = 3, fall
+    if what == 0:
+        return
+    entry[DOUBTED] = 1
+    request = stack_doubles(REQUEST)
+    words = as_words(request)
+    words[DATA], words[ENTRY_ASKED] = body, what + 10 * int(1000.0 * value)
+    _ask(table, model, DOUBT, request)
 
 
 def act_attached(model: int, data: int, address: int) -> None:
@@ -344,21 +443,26 @@ def act_attached(model: int, data: int, address: int) -> None:
     if states[PAIRS + 2 * k] != data:
         request = stack_doubles(REQUEST)
         as_words(request)[DATA], as_words(request)[ENTRY_ASKED] = data, address
-        at = _ask(table, model, -1, request)
+        at = _ask(table, model, NEW_STATE, request)
     header = as_doubles(at)
     now, step = as_doubles(data + table[TIME])[0], as_doubles(model + table[TIMESTEP])[0]
     late = now - header[afloat.TIME]
-    scratch = stack_doubles(entry[SCRATCH])
     if header[afloat.FRESH] == 0.0 or late < 0.0 or late > 1.5 * step:
-        surface = as_doubles(entry[SURFACE_BLOCK])
-        last = ENTRY + ROW * (entry[COUNT] - 1)
-        block = as_doubles(entry[last + BLOCK])
-        size = entry[last + SLOT] + OWN + int(block[afloat.PATTERNS]) + int(block[afloat.LIDS])
-        for i in range(max(size, afloat.STATE + 2 * int(surface[afloat.WAVES]))):
+        for i in range(entry[STATE_SIZE]):
             header[i] = 0.0
         header[afloat.FRESH], header[afloat.TIME] = 1.0, now
-    elif late >= (1.0 - 1e-6) * step:
-        _step(table, model, data, entry, at, scratch)
+    if header[afloat.FRESH] != 1.0:  # prepared again since it was attached
+        other = _look_up(table, int(header[afloat.FRESH]))
+        if other == 0:
+            other = _ask_again(table, model, address, at)
+        entry = as_words(other)
+    scratch = stack_doubles(entry[SCRATCH])
+    if (1.0 - 1e-6) * step <= now - header[afloat.TIME] and _step(
+        table, model, data, entry, at, scratch
+    ):
+        entry = as_words(_ask_again(table, model, address, at))
+        _forget_readings(entry, at)
+        scratch = stack_doubles(entry[SCRATCH])
     _act(table, model, data, entry, at, scratch)
 
 
@@ -405,6 +509,8 @@ def _act(table: Any, model: int, data: int, entry: Any, at: int, scratch: int) -
         if own[MOVED] == 0.0:
             _note_acceleration(table, model, data, body, own, 1.0)
         _pose(table, model, data, body, known, pose)
+        if entry[DOUBTED] == 0:
+            _doubt(table, model, entry, surface, block, pose, body)
         load[:] = 0.0
         afloat.body_force(
             surface, block, state, slot + OWN, pose, now, keep, parts, first, room, load

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
+import math
 import threading
 import warnings
 from collections import OrderedDict, deque
@@ -22,11 +23,12 @@ from mjskip._compile.pointers import address_of_cfunc
 from mjskip._typing import Array
 from mjskip.coupling import _sea_kernels as kernels
 from mjskip.coupling import _struct_layout as layout
+from mjskip.coupling.bodies import body_name
 from mjskip.coupling.records import make_record
 from mjskip.coupling.wet import HullOptions, Inertia
-from mjskip.errors import MjskipWarning
+from mjskip.errors import MeshError, MjskipWarning
 from mjskip.hydro import _afloat_kernels as afloat_kernels
-from mjskip.hydro.afloat import RestPose, prepare, state_slots
+from mjskip.hydro.afloat import RestPose, prepare
 from mjskip.hydro.hull import Hull
 from mjskip.hydro.hydrostatics import SinksError, float_at_rest
 from mjskip.hydro.radiation import RadiationTable
@@ -100,6 +102,7 @@ class SeaSurface:
         tables: each against the modes.
         entry: what compiled code knows; `kept` is what it points to.
         state_size: numbers of the surface's state.
+        timestep: of the simulation [s].
     """
 
     sea: Sea
@@ -110,6 +113,7 @@ class SeaSurface:
     tables: tuple[RadiationTable, ...]
     entry: npt.NDArray[np.int64]
     state_size: int
+    timestep: float
     kept: tuple[Any, ...] = field(repr=False)
     states: dict[int, Array] = field(default_factory=dict, repr=False)
 
@@ -177,7 +181,7 @@ def compiled() -> dict[str, int]:
 class _Entries:
     """Surfaces by the hash of what they were made of. Compiled code reads the table; what it may still read is kept."""
 
-    KEPT = 64
+    KEPT = 32
 
     def __init__(self) -> None:
         self.made: OrderedDict[int, SeaSurface] = OrderedDict()
@@ -219,17 +223,72 @@ def _answer(model: int, address: int, _unused: int) -> None:
     request = (ctypes.c_int64 * kernels.REQUEST).from_address(address)
     try:
         with _lock:
-            if request[kernels.INSTANCE] >= 0:
-                key, made = ask_plugin[0](layout.ModelView(model), request[kernels.INSTANCE])
+            asked, data = request[kernels.INSTANCE], request[kernels.DATA]
+            if asked >= 0:
+                key, made = ask_plugin[0](layout.ModelView(model), asked)
+                if data:
+                    key, made = _prepared_again(key, made, data)
                 request[kernels.KEY], request[kernels.ANSWER] = key, made.entry.ctypes.data
-            else:
+            elif asked == kernels.PREPARE_AGAIN:
                 made = _attached[request[kernels.ENTRY_ASKED]]
-                request[kernels.ANSWER] = _new_state(made, request[kernels.DATA])
+                key, made = _prepared_again(request[kernels.ENTRY_ASKED], made, data)
+                request[kernels.KEY], request[kernels.ANSWER] = key, made.entry.ctypes.data
+            elif asked == kernels.NEW_STATE:
+                made = _attached[request[kernels.ENTRY_ASKED]]
+                request[kernels.ANSWER] = _new_state(made, data)
+            else:
+                _say_doubt(layout.ModelView(model), data, request[kernels.ENTRY_ASKED])
     except Exception as error:  # nothing may pass through the C code that called
         text = " ".join(str(error).split()) or type(error).__name__
         message = ctypes.create_string_buffer(text.replace("%", "%%").encode())
         _messages.append(message)
         request[kernels.MESSAGE] = ctypes.addressof(message)
+
+
+def _prepared_again(key: int, made: SeaSurface, address: int) -> tuple[int, SeaSurface]:
+    """The surface for the poses that a state holds, and its hash; the same if the hulls are as they were."""
+    count = len(made.bodies)
+    offsets = np.zeros((count, 3))
+    for n in range(count):
+        slot = int(made.entry[kernels.ENTRY + kernels.ROW * n + kernels.SLOT]) + kernels.OFFSET
+        offsets[n] = list((ctypes.c_double * 3).from_address(address + 8 * slot))
+    if not offsets.any():
+        return key, made
+    digest = hashlib.sha256(repr(key).encode() + np.round(offsets, 9).tobytes())
+    other = int.from_bytes(digest.digest()[:8], "big") >> 12 | 1
+    if other not in _entries.made:
+        try:
+            again = prepared(
+                made.bodies,
+                made.water,
+                made.sea,
+                timestep=made.timestep,
+                modes=made.modes,
+                rests=[rest.moved(*o) for rest, o in zip(made.rests, offsets, strict=True)],
+            )
+        except MeshError:  # nothing of a hull is wet in its mean pose
+            again = made
+        _entries.add(other, again)
+    return other, _entries.made[other]
+
+
+DOUBTS = {
+    1: "its vertical is {0:.0f} degrees from that in which it floats",
+    2: "it moves through the water at {1:.2g} sqrt(g length): it planes",
+    3: "it falls into the water at {1:.2g} sqrt(g draft): it slams",
+}
+
+
+def _say_doubt(view: Any, body: int, code: int) -> None:
+    """Warn that linear theory ends."""
+    what, value = code % 10, (code // 10) / 1000.0
+    angle = math.degrees(math.acos(min(max(value, -1.0), 1.0)))
+    warnings.warn(
+        f"body {body_name(view, body)!r} is where the theory of radiation ends: {DOUBTS[what].format(angle, value)}; added "
+        "mass and waves are those of small motions about its pose at rest, see docs/afloat.md",
+        MjskipWarning,
+        stacklevel=2,
+    )
 
 
 def _new_state(made: SeaSurface, data: int) -> int:
@@ -299,10 +358,16 @@ def surface_of(
 
 
 def prepared(
-    bodies: Sequence[FloatingHull], water: Water, sea: Sea, *, timestep: float
+    bodies: Sequence[FloatingHull],
+    water: Water,
+    sea: Sea,
+    *,
+    timestep: float,
+    rests: Sequence[RestPose] | None = None,
+    modes: SurfaceModes | None = None,
 ) -> SeaSurface:
-    """Tables and entry of bodies that float together."""
-    rests = tuple(_rest_of(one, water) for one in bodies)
+    """Tables and entry of bodies that float together; by themselves, or in other poses with the modes of before."""
+    rests = tuple(rests or (_rest_of(one, water) for one in bodies))
     places = np.array([one.place[:2] for one in bodies])
     modes, surface, packed, tables = prepare(
         [one.hull.triangles for one in bodies],
@@ -313,6 +378,7 @@ def prepared(
         timestep=timestep,
         most_waves=most_waves(len(bodies)),
         most_readings=MOST_READINGS,
+        modes=modes,
     )
     dragged = replace(water, buoyancy=False, radiation=False)
     blocks = [pack(one.hull, dragged, gravity=sea.gravity) for one in bodies]
@@ -320,14 +386,14 @@ def prepared(
         make_record(one.hull, dragged, one.inertia, block)
         for one, block in zip(bodies, blocks, strict=True)
     ]
-    slots = [afloat_kernels.STATE + 2 * modes.size]
-    for size in np.diff(state_slots(packed, modes.size)):
-        slots.append(slots[-1] + kernels.OWN + int(size))
+    room_each = kernels.OWN + MOST_READINGS
+    start = afloat_kernels.STATE + 2 * modes.size
+    slots = [start + room_each * n for n in range(len(bodies) + 1)]
     room = max(afloat_kernels.scratch_size(surface.block, one.block) for one in packed)
     entry = np.zeros(kernels.ENTRY + kernels.ROW * len(bodies), dtype=np.int64)
     entry[kernels.SURFACE_BLOCK] = surface.block.ctypes.data
     entry[kernels.SURFACE_WORDS] = surface.words.ctypes.data
-    entry[kernels.COUNT] = len(bodies)
+    entry[kernels.COUNT], entry[kernels.STATE_SIZE] = len(bodies), slots[-1]
     entry[kernels.SCRATCH] = room + 2 * modes.size + 200 + 12 * kernels.MOST_DOFS
     for n, one in enumerate(bodies):
         row = kernels.ENTRY + kernels.ROW * n
@@ -347,6 +413,7 @@ def prepared(
         tables=tuple(tables),
         entry=entry,
         state_size=slots[-1],
+        timestep=timestep,
         kept=(surface, packed, blocks, records),
     )
 

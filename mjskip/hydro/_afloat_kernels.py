@@ -37,7 +37,12 @@ AT_TURNS, AT_ROWS, AT_COLUMNS, AT_LID, AT_SEEN = range(9, 14)
 ADDED = 14  # 36
 REST = 50  # 9: rotation from body axes to its level frame, at rest
 DENSITY, VERTICES, FACES, AT_VERTICES, AT_FACES, NODES_X, NODES_Y = range(59, 66)
-BODY = 66
+REST_HEIGHT, DRAFT, LENGTH = (
+    66,
+    67,
+    68,
+)  # of the centre of mass at rest, depth of the keel, twice the radius [m]
+BODY = 69
 
 # state
 TIME, PENDING, FRESH, ORIGIN_X, ORIGIN_Y = range(5)
@@ -97,6 +102,17 @@ def heading(body: Any, pose: Any) -> float:
         c += pose[6 + i] * body[REST + i]
         d += pose[6 + i] * body[REST + 3 + i]
     return math.atan2(c - b, a + d)
+
+
+@kernel
+def tilt(body: Any, pose: Any) -> tuple[float, float, float]:
+    """Roll and pitch from the pose at rest, as sines, and the cosine of the angle between the two verticals."""
+    x = y = z = 0.0
+    for i in range(3):  # last row of Q = R R0'
+        x += pose[9 + i] * body[REST + i]
+        y += pose[9 + i] * body[REST + 3 + i]
+        z += pose[9 + i] * body[REST + 6 + i]
+    return y, -x, z
 
 
 @kernel

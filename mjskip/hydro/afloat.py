@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 import scipy.special
+from scipy.spatial.transform import Rotation
 
 from mjskip.hydro import _afloat_kernels as kernels
 from mjskip.hydro.panels import WettedHull, refined, wetted_hull
@@ -50,6 +51,11 @@ class RestPose:
         c, s = math.cos(yaw), math.sin(yaw)
         back = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
         return cls(rotation=back @ rotation, height=height)
+
+    def moved(self, height: float, roll: float, pitch: float) -> RestPose:
+        """Another pose: higher [m], rolled and pitched [rad] in the level frame."""
+        turn = Rotation.from_rotvec([roll, pitch, 0.0]).as_matrix()
+        return RestPose.of(turn @ self.rotation, self.height + height)
 
 
 def hull_at_rest(triangles: Array, rest: RestPose) -> WettedHull:
@@ -124,6 +130,10 @@ def pack_body(table: RadiationTable, triangles: Array, rest: RestPose, sea: Sea)
     header[kernels.ADDED : kernels.ADDED + 36] = table.added_mass.ravel()
     header[kernels.REST : kernels.REST + 9] = rest.rotation.ravel()
     header[kernels.DENSITY] = table.density
+    placed = triangles @ rest.rotation.T
+    header[kernels.REST_HEIGHT] = rest.height
+    header[kernels.DRAFT] = max(-float(placed[..., 2].min()) - rest.height, 1e-9)
+    header[kernels.LENGTH] = 2.0 * table.hull.radius
     header[kernels.VERTICES], header[kernels.FACES] = len(vertices), len(faces)
     half = 0.5 * np.ptp((triangles @ rest.rotation.T).reshape(-1, 3), axis=0)
     header[kernels.NODES_X], header[kernels.NODES_Y] = (_nodes(sea, float(x)) for x in half[:2])
@@ -170,14 +180,6 @@ def _mesh(triangles: Array, shortest: float) -> tuple[Array, npt.NDArray[np.int6
     return fine.reshape(-1, 3)[first], index.reshape(-1, 3)
 
 
-def state_slots(bodies: Sequence[Afloat], waves: int) -> list[int]:
-    """Where every body's readings are in the state, and its size at the end."""
-    slots = [kernels.STATE + 2 * waves]
-    for body in bodies:
-        slots.append(slots[-1] + int(body.block[kernels.PATTERNS] + body.block[kernels.LIDS]))
-    return slots
-
-
 def prepare(
     surfaces: Sequence[Array],
     rests: Sequence[RestPose],
@@ -188,6 +190,7 @@ def prepare(
     timestep: float,
     most_waves: int,
     most_readings: int,
+    modes: SurfaceModes | None = None,
 ) -> tuple[SurfaceModes, Afloat, list[Afloat], list[RadiationTable]]:
     """Everything for bodies that share a surface.
 
@@ -200,13 +203,14 @@ def prepare(
         timestep: of the simulation [s].
         most_waves: plane waves, at most; the shortest are left out, and follow the hulls at once.
         most_readings: patterns of flow and of the lid of one body, at most; the weakest are left out.
+        modes: those of the bodies in another pose, to go on with; made if None.
     """
     hulls = [hull_at_rest(t, rest) for t, rest in zip(surfaces, rests, strict=True)]
     away = np.linalg.norm(places - places.mean(axis=0), axis=1)
     reach = max(hull.radius + a for hull, a in zip(hulls, away, strict=True))
     if len(hulls) > 1:
         reach *= DRIFT_ROOM
-    modes = body_modes(
+    modes = modes or body_modes(
         tuple(hulls), reach=reach, depth=sea.depth, gravity=sea.gravity, most=most_waves
     )
     tables = [
