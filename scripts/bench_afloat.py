@@ -48,7 +48,9 @@ def compiled(bodies: str, words: str | None) -> mujoco.MjModel:
 def main() -> None:
     register_plugin()
     ten = "".join(
-        SPHERE.replace("{n}", str(n)).replace("{x}", str(0.6 * (n % 5))).replace("{y}", str(0.6 * (n // 5)))
+        SPHERE.replace("{n}", str(n))
+        .replace("{x}", str(0.6 * (n % 5)))
+        .replace("{y}", str(0.6 * (n // 5)))
         for n in range(10)
     )
     one = SPHERE.replace("{n}", "0").replace("{x}", "0").replace("{y}", "0")

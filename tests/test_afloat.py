@@ -166,7 +166,7 @@ def test_a_rollout_and_a_pickled_state_go_on_bit_for_bit():
 
 
 def test_added_mass_stands_in_mujocos_mass_matrix_once():
-    compiled = model(BARGE.format(' pos="0 0 .1" euler="0 0 30"', 40, CARRIES))
+    compiled = model(BARGE.format(' euler="0 0 30"', 40, CARRIES))
     data = mujoco.MjData(compiled)
     mujoco.mj_forward(compiled, data)
     added = plugin_surface(compiled).tables[0].added_mass
@@ -484,3 +484,43 @@ def test_the_command_hydro_refuses_in_one_line(words, match, capsys):
         main(["hydro", "buoy", *words])
     assert ended.value.code == 2
     assert match in capsys.readouterr().err
+
+
+def test_what_is_lifted_out_of_the_water_is_free_of_it():
+    compiled = model(BARGE.format("", 40, CARRIES), sea="height=0.05 period=1.5")
+    data = mujoco.MjData(compiled)
+    data.qpos[2] = 1.0
+    full = np.zeros((6, 6))
+    mujoco.mj_forward(compiled, data)
+    mujoco.mj_fullM(compiled, data, full)
+    assert full[2, 2] == 40.0
+    heaves(compiled, data, 100)
+    np.testing.assert_allclose(data.qvel, [0.0, 0.0, -9.81 * 0.2, 0.0, 0.0, 0.0], atol=0.05)
+    assert not plugin_state(compiled, data)[5:800].any()
+
+
+def plugin_state(compiled, data):
+    return data.plugin_state[int(compiled.plugin_stateadr[0]) :]
+
+
+def test_a_sea_is_given_at_the_command_line(capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(
+            [
+                "run",
+                "buoy",
+                "--sea",
+                "height=0.3 period=2",
+                "--duration",
+                "1",
+                "--max-contact",
+                "9",
+                "--json",
+            ]
+        )
+    assert ended.value.code == 0
+    assert json.loads(capsys.readouterr().out)["sim_seconds"] == pytest.approx(1.0)
+    with pytest.raises(SystemExit) as ended:
+        main(["run", "lake", "--sea", "height=0.3 period=2"])
+    assert ended.value.code == 2
+    assert "a sea acts on bodies that radiate" in capsys.readouterr().err

@@ -76,6 +76,12 @@ surface_option = click.option(
 )  # fmt: skip
 
 
+sea_option = click.option(
+    "--sea", metavar="TEXT",
+    help='Waves and current about what radiates, as "hs=0.3 tp=3 direction=30".  [default: the scene\'s]',
+)  # fmt: skip
+
+
 def _together(*decorators: Callable[[F], F]) -> Callable[[F], F]:
     """One decorator of several, in the order of the help."""
     return lambda function: reduce(lambda made, each: each(made), reversed(decorators), function)
@@ -89,10 +95,11 @@ def chosen_scene(
     buoyancy: bool | None,
     skin_friction: bool | None,
     quadrature: bool | None,
+    sea: str | None = None,
     **throw: float | None,
 ) -> Scene:
     """The scene with what was asked for at the command line."""
-    loaded = load_scene(scene, body=body)
+    loaded = load_scene(scene, body=body, sea=sea)
     given = {n: PARAMETERS[n].to_si(value) for n, value in throw.items() if value is not None}
     loaded = loaded.rethrow(**given)
     water: dict[str, Any] = {

@@ -24,6 +24,7 @@ from mjskip.cli.options import (
     chosen_limits,
     chosen_scene,
     limit_options,
+    sea_option,
     surface_option,
     throw_options,
     timestep_option,
@@ -47,6 +48,7 @@ from mjskip.throws.trajectory import ENDS, Trajectory
 @timestep_option
 @limit_options
 @surface_option
+@sea_option
 @click.option("--frozen-attitude", is_flag=True, help="No spin, and the stone cannot turn.")
 @film_options
 @click.option("--save", type=click.Path(path_type=Path), metavar="FILE", help="Write NetCDF.")

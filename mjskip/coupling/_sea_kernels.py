@@ -99,7 +99,9 @@ MEAN = (
     20  # its height, roll and pitch from the pose that its hull is prepared for, over some time (3)
 )
 OFFSET = 23  # that pose from the one in which it floats by itself: height [m], roll, pitch (3)
-OWN = 26
+WEIGHT = 26  # how much of it radiated at the last evaluation
+WEIGHT_BEFORE = 27  # and a step before
+OWN = 28
 
 
 @kernel
@@ -196,7 +198,7 @@ def _push(table: Any, model: int, data: int, body: int, pose: Any, load: Any) ->
 
 @kernel
 def _add_mass(
-    table: Any, model: int, data: int, body: int, block: Any, yaw: float, pose: Any, own: Any, columns: Any
+    table: Any, model: int, data: int, body: int, block: Any, yaw: float, weight: float, pose: Any, own: Any, columns: Any
 ) -> bool:  # fmt: skip
     """M += J'AJ over the dofs that move a body; whether M was changed.
 
@@ -204,7 +206,8 @@ def _add_mass(
     the last step. M may be what an earlier call left (mj_forwardSkip): then its first diagonal is what that call noted.
     """
     last = _last_dof(table, model, body)
-    if last < 0:
+    if last < 0 or weight == 0.0:
+        own[LAST_DIAGONAL] = 0.0
         return False
     above, axis = _ints(table, model, DOF_PARENTID), _doubles(table, data, CDOF)
     origin = _doubles(table, data, SUBTREE_COM)
@@ -225,7 +228,7 @@ def _add_mass(
             total = 0.0
             for j in range(6):
                 total += block[afloat.ADDED + 6 * i + j] * columns[at + j]
-            columns[at + 6 + i] = total
+            columns[at + 6 + i] = weight * weight * total
         count += 1
         dof = above[dof]
     full, number, start = (
@@ -336,10 +339,13 @@ def _step(table: Any, model: int, data: int, entry: Any, at: int, scratch: int) 
         y += pose[1] / entry[COUNT]
         own = state[entry[row + SLOT] : entry[row + SLOT] + OWN]
         _note_acceleration(table, model, data, entry[row + BODY], own, step)
-        again |= _note_pose(block, pose, own, step, surface[afloat.GRAVITY])
-        afloat.push_waves(
-            surface, block, state, entry[row + SLOT] + OWN, pose, parts, first, room, added
-        )
+        if own[WEIGHT] > 0.0:
+            again |= _note_pose(block, pose, own, step, surface[afloat.GRAVITY])
+        own[WEIGHT_BEFORE] = own[WEIGHT]
+        if own[WEIGHT] > 0.0:
+            afloat.push_waves(
+                surface, block, state, entry[row + SLOT] + OWN, pose, own[WEIGHT], parts, first, room, added
+            )  # fmt: skip
     afloat.step_waves(surface, state, x, y, step, room, added)
     state[afloat.TIME], state[afloat.PENDING] = now, 0.0
     return again
@@ -506,15 +512,25 @@ def _act(table: Any, model: int, data: int, entry: Any, at: int, scratch: int) -
         rings = int(block[afloat.RINGS_OF])
         parts = numba.carray(as_words(entry[row + WORDS]), 3 * rings).reshape((3, rings))
         own = state[slot : slot + OWN]
-        if own[MOVED] == 0.0:
+        begins = own[MOVED] == 0.0
+        if begins:
             _note_acceleration(table, model, data, body, own, 1.0)
         _pose(table, model, data, body, known, pose)
         if entry[DOUBTED] == 0:
             _doubt(table, model, entry, surface, block, pose, body)
         load[:] = 0.0
-        afloat.body_force(
+        weight = afloat.body_force(
             surface, block, state, slot + OWN, pose, now, keep, parts, first, room, load
         )
+        if keep:
+            own[WEIGHT] = weight
+        if begins:
+            own[WEIGHT_BEFORE] = weight
+        rate = (weight * weight - own[WEIGHT_BEFORE] * own[WEIGHT_BEFORE]) / as_doubles(
+            model + table[TIMESTEP]
+        )[0]
+        if rate > 0.0:
+            afloat.add_impact(surface, block, pose, rate, load)
         # drag, against the water that moves around the body's middle
         afloat.water_at(surface, pose[0], pose[1], pose[2], now, room, water)
         through[:] = pose
@@ -537,6 +553,6 @@ def _act(table: Any, model: int, data: int, entry: Any, at: int, scratch: int) -
         own[LOAD : LOAD + 6] = load
         _push(table, model, data, body, pose, load)
         yaw = afloat.heading(block, pose)
-        changed |= _add_mass(table, model, data, body, block, yaw, pose, own, columns)
+        changed |= _add_mass(table, model, data, body, block, yaw, weight, pose, own, columns)
     if changed:
         mj_factor_m(model, data)

@@ -11,10 +11,16 @@ import mujoco
 from mjskip._typing import PathLike
 from mjskip.coupling.plugin import NAME, register_plugin
 from mjskip.errors import SceneError
+from mjskip.hydro.seas import Sea
 
 
-def load_model(path: PathLike) -> mujoco.MjModel:
+def load_model(path: PathLike, *, sea: str | None = None) -> mujoco.MjModel:
     """The compiled model of an MJCF file; the plugin is registered if it turns out to be needed.
+
+    Args:
+        path: the file.
+        sea: waves and current instead of those of every instance of the plugin whose bodies radiate, see
+            `Sea.from_text`.
 
     Raises:
         SceneError: the file is not there, does not compile, or replicates bodies whose plugin MuJoCo cannot
@@ -24,6 +30,8 @@ def load_model(path: PathLike) -> mujoco.MjModel:
     if not file.is_file():
         raise SceneError(f"no file {str(file)!r}: give an MJCF file")
     check_replicated_plugins(file)
+    if sea is not None:
+        return _with_sea(file, sea)
     try:
         try:
             return mujoco.MjModel.from_xml_path(str(file))
@@ -32,6 +40,29 @@ def load_model(path: PathLike) -> mujoco.MjModel:
                 raise
         register_plugin()
         return mujoco.MjModel.from_xml_path(str(file))
+    except ValueError as error:
+        reason = " ".join(str(error).split())
+        raise SceneError(f"{file} does not compile as MJCF: {reason}") from error
+
+
+def _with_sea(file: Path, sea: str) -> mujoco.MjModel:
+    """The compiled model with another sea."""
+    Sea.from_text(sea)
+    register_plugin()
+    try:
+        spec = mujoco.MjSpec.from_file(str(file))
+        told = [
+            one
+            for one in spec.plugins
+            if one.plugin_name == NAME and one.config.get("radiation") == "true"
+        ]
+        if not told:
+            raise SceneError(
+                f'no instance of plugin {NAME} in {file} has radiation="true": a sea acts on bodies that radiate'
+            )
+        for one in told:
+            one.config = {**one.config, "sea": sea}
+        return spec.compile()
     except ValueError as error:
         reason = " ".join(str(error).split())
         raise SceneError(f"{file} does not compile as MJCF: {reason}") from error

@@ -45,20 +45,14 @@ RESOLUTION = 48
 """Segments around a round geom that radiates, at least: its waterplane changes with draft."""
 
 
-MOST_WAVES, MOST_READINGS = 1500, 300
-"""Plane waves of a surface with one body, half as many more with each other, and readings of a body, at most: a model's
-meshes are not known yet when MuJoCo wants to know the size of the state."""
+MOST_WAVES, MOST_READINGS = 1200, 300
+"""Plane waves of a surface, and readings of each body, at most: a model's meshes are not known yet when MuJoCo wants to
+know the size of the state. Bodies far apart share the waves: then the shortest are left out."""
 
 
 def most_state(bodies: int) -> int:
     """Numbers of a state, at most."""
-    own = afloat_kernels.STATE + bodies * (kernels.OWN + MOST_READINGS)
-    return own + 2 * most_waves(bodies)
-
-
-def most_waves(bodies: int) -> int:
-    """Plane waves of a surface, at most."""
-    return MOST_WAVES + (MOST_WAVES // 2) * (bodies - 1)
+    return afloat_kernels.STATE + 2 * MOST_WAVES + bodies * (kernels.OWN + MOST_READINGS)
 
 
 def finer(options: HullOptions) -> HullOptions:
@@ -376,7 +370,7 @@ def prepared(
         sea,
         density=water.density,
         timestep=timestep,
-        most_waves=most_waves(len(bodies)),
+        most_waves=MOST_WAVES,
         most_readings=MOST_READINGS,
         modes=modes,
     )
@@ -420,7 +414,11 @@ def prepared(
 
 def _rest_of(one: FloatingHull, water: Water) -> RestPose:
     """How a body floats; where the model has it if it sinks, or is as heavy as its water."""
+    top = float((one.hull.vertices @ one.rotation.T)[:, 2].max())
+    bottom = float((one.hull.vertices @ one.rotation.T)[:, 2].min())
     here = RestPose.of(one.rotation, float(one.place[2]))
+    if one.place[2] + bottom >= 0.0:  # in the air: as it is once it has sunk
+        here = RestPose.of(one.rotation, 2.0 * bottom - top)
     if abs(one.carried / (water.density * one.hull.volume) - 1.0) < NEUTRAL:
         return here
     try:

@@ -48,6 +48,8 @@ BODY = 69
 TIME, PENDING, FRESH, ORIGIN_X, ORIGIN_Y = range(5)
 STATE = 5
 
+WET_SHARE = 0.3
+"""Of its draft: a hull that is less deep radiates, scatters and drags water in proportion."""
 MOST_NODES = 12
 LEVELS = 4
 COSINES = np.zeros((MOST_NODES + 1, MOST_NODES, MOST_NODES))
@@ -265,7 +267,7 @@ def wetted_pressure(
         out: added to.
 
     Returns:
-        The depth of the lowest vertex below z = 0 [m].
+        The depth of the lowest vertex below the surface [m].
     """
     vertices, faces = int(body[VERTICES]), int(body[FACES])
     at, count = int(body[AT_VERTICES]), int(surface[KNOWN])
@@ -323,7 +325,10 @@ def wetted_pressure(
     out[3] += half * (c * tx - s * ty)
     out[4] += half * (s * tx + c * ty)
     out[5] += half * tz
-    return -low
+    deepest = 0.0
+    for v in range(vertices):
+        deepest = min(deepest, heights[v])
+    return -deepest
 
 
 @kernel
@@ -439,6 +444,38 @@ def _turning_terms(body: Any, motion: Any, rate: float, out: Any) -> None:
 
 
 @kernel
+def add_impact(surface: Any, body: Any, pose: Any, rate: float, out: Any) -> None:
+    """Add -dA/dt V to a force (6), world: water that a body takes with it as it comes in had not its speed before.
+
+    The momentum of von Karman's wedge (NACA TN 321, 1929); rate is dA/dt over A [1/s]. On the way out there is none.
+    """
+    yaw = heading(body, pose)
+    c, s = math.cos(yaw), math.sin(yaw)
+    u, v = pose[12] - surface[CURRENT_X], pose[13] - surface[CURRENT_Y]
+    x, y, z = c * u + s * v, c * v - s * u, pose[14]
+    a, b, w = c * pose[15] + s * pose[16], c * pose[16] - s * pose[15], pose[17]
+    k = ADDED
+    fx = fy = fz = tx = ty = tz = 0.0
+    for j in range(6):
+        speed = (
+            x if j == 0 else y if j == 1 else z if j == 2 else a if j == 3 else b if j == 4 else w
+        )
+        amount = -rate * speed
+        fx += amount * body[k + j]
+        fy += amount * body[k + 6 + j]
+        fz += amount * body[k + 12 + j]
+        tx += amount * body[k + 18 + j]
+        ty += amount * body[k + 24 + j]
+        tz += amount * body[k + 30 + j]
+    out[0] += c * fx - s * fy
+    out[1] += s * fx + c * fy
+    out[2] += fz
+    out[3] += c * tx - s * ty
+    out[4] += s * tx + c * ty
+    out[5] += tz
+
+
+@kernel
 def scratch_size(surface: Any, body: Any) -> int:
     """Doubles that `body_force` and `push_waves` need for a body."""
     waves, count = int(surface[WAVES]), int(surface[KNOWN])
@@ -480,7 +517,7 @@ def body_force(
         out: added to.
 
     Returns:
-        The depth of the hull's lowest vertex [m].
+        How much of the hull takes part in radiation: 1, less when it is nearly out of the water, 0 when it is.
     """
     waves, count = int(surface[WAVES]), int(surface[KNOWN])
     w = int(surface[AT_WAVES])
@@ -501,6 +538,17 @@ def body_force(
     at += 2 * count
     heights = scratch[at : at + int(body[VERTICES])]
     at += int(body[VERTICES])
+    # still water and the sea on the true hull
+    swings(surface, pose[0], pose[1], time, swing[:count], swing[count:])
+    depth = wetted_pressure(
+        surface, body, pose, yaw, swing[:count], swing[count:], heights, scratch[at:], out
+    )
+    weight = min(max(depth / (WET_SHARE * body[DRAFT]), 0.0), 1.0)
+    if weight == 0.0:
+        if keep:
+            for n in range(int(body[PATTERNS]) + int(body[LIDS])):
+                state[slot + n] = 0.0
+        return 0.0
     # the waves at the body's origin
     re, im = state[STATE : STATE + waves], state[STATE + waves : STATE + 2 * waves]
     if x == 0.0 and y == 0.0:
@@ -525,31 +573,27 @@ def body_force(
     for i in range(6):
         for n in range(lids):
             readings[i] += body[int(body[AT_LID]) + i * lids + n] * readings[6 + patterns + n]
-    # the sea's waves
-    swings(surface, pose[0], pose[1], time, swing[:count], swing[count:])
     known_readings(surface, body, swing[:count], swing[count:], yaw, known)
     if keep:
         for n in range(patterns):
-            state[slot + n] = readings[6 + n] + known[6 + n]
+            state[slot + n] = weight * (readings[6 + n] + known[6 + n])
         for n in range(patterns, patterns + lids):
-            state[slot + n] = readings[6 + n]
+            state[slot + n] = weight * readings[6 + n]
     motion, turning = small[:6], small[6:12]
     to_heading(yaw, pose, surface[CURRENT_X], surface[CURRENT_Y], motion)
     _turning_terms(body, motion, pose[17], turning)
     for i in range(6):
-        turning[i] += readings[i] + known[i]
+        turning[i] = weight * (weight * turning[i] + readings[i] + known[i])
     _turned_wrench(yaw, turning, out)
-    return wetted_pressure(
-        surface, body, pose, yaw, swing[:count], swing[count:], heights, scratch[at:], out
-    )
+    return float(weight)
 
 
 @kernel
 def push_waves(
-    surface: Any, body: Any, state: Any, slot: int, pose: Any, parts: Any, first: Any,
+    surface: Any, body: Any, state: Any, slot: int, pose: Any, weight: float, parts: Any, first: Any,
     scratch: Any, added: Any,
 ) -> None:  # fmt: skip
-    """What a body gives to the surface in a step that ends now, added to `added` (2 waves,)."""
+    """What a body gives to the surface in a step that ends now, added to `added` (2 waves,); weight of `body_force`."""
     waves = int(surface[WAVES])
     w = int(surface[AT_WAVES])
     yaw = heading(body, pose)
@@ -565,6 +609,8 @@ def push_waves(
     to_heading(yaw, pose, surface[CURRENT_X], surface[CURRENT_Y], amounts[:6])
     for n in range(patterns + lids):
         amounts[6 + n] = state[slot + n]
+    for n in range(int(body[ROWS])):
+        amounts[n] *= weight
     size = int(body[ROWS]) * int(body[HARMONICS])
     columns = body[int(body[AT_COLUMNS]) : int(body[AT_COLUMNS]) + size].reshape(
         (int(body[ROWS]), int(body[HARMONICS]))

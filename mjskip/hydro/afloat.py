@@ -28,7 +28,7 @@ Words = npt.NDArray[np.int64]
 
 SEA_ERROR = 0.01
 """Error allowed to the sea's pressure around a body, of its root mean square."""
-FACES = 400
+FACES = 240
 """Triangles of a hull, dry ones included, on which still water and the sea press."""
 
 

@@ -24,8 +24,8 @@ from mjskip.hydro.surface_modes import SurfaceModes, ring_directions, surface_mo
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
-PATTERNS = 1e-2
-"""Patterns of flow weaker than this share of the strongest are left out."""
+PATTERNS, LID_PATTERNS = 2e-2, 5e-2
+"""Patterns of flow, and of motion under the lid, weaker than this share of the strongest are left out."""
 SPARE_ORDERS = 2
 SHORTEST = 2.0
 """Waves up to this many times shorter than the modes' shortest follow a hull at once."""
@@ -146,8 +146,9 @@ def radiation_table(
             for w, n, m in zip(weight, modes.angles, (len(x.T) for x in insides), strict=True)
         ],
         hull.areas,
+        PATTERNS,
     )[:, :most]
-    lids = _patterns(insides, [1.0] * len(insides), np.abs(lid_areas))[:, :most]
+    lids = _patterns(insides, [1.0] * len(insides), np.abs(lid_areas), LID_PATTERNS)[:, :most]
     project = np.linalg.pinv(patterns)
     rows, columns = [], []
     moved = inverse @ influence.motions
@@ -220,7 +221,7 @@ def _with_short_waves(influence: Influence, modes: SurfaceModes) -> Influence:
     return replace(influence, potential=potential, velocity=velocity)
 
 
-def _patterns(parts: list[Complex], scales: list[float], areas: Array) -> Array:
+def _patterns(parts: list[Complex], scales: list[float], areas: Array, weakest: float) -> Array:
     """Orthogonal real patterns (n, r) that span columns of `parts`, in the mean square over areas."""
     if len(areas) == 0:
         return np.zeros((0, 0))
@@ -228,7 +229,7 @@ def _patterns(parts: list[Complex], scales: list[float], areas: Array) -> Array:
     scaled = [scale * part for scale, part in zip(scales, parts, strict=True)]
     whole = root[:, None] * np.hstack([*(s.real for s in scaled), *(s.imag for s in scaled)])
     left, strength, _ = np.linalg.svd(whole, full_matrices=False)
-    return np.asarray(left[:, strength > PATTERNS * strength[0]] / root[:, None])
+    return np.asarray(left[:, strength > weakest * strength[0]] / root[:, None])
 
 
 def _harmonics(table: Complex, order: int) -> tuple[Complex, Complex]:

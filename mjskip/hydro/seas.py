@@ -27,7 +27,7 @@ GAMMA = 3.3
 """Peak enhancement of the mean JONSWAP spectrum."""
 LOWEST, HIGHEST = 0.5, 3.4
 """Frequencies of an irregular sea, over the peak's: some 99% of its energy lies between."""
-COMPONENTS = 128
+COMPONENTS = 100
 TEXT_KEYS = {
     "height": "height of a regular wave, crest to trough [m]",
     "period": "of a regular wave [s]",

@@ -167,12 +167,15 @@ def shipped_scenes() -> dict[str, Path]:
     return {}
 
 
-def load_scene(path: PathLike = "lake", *, body: str | None = None) -> Scene:
+def load_scene(
+    path: PathLike = "lake", *, body: str | None = None, sea: str | None = None
+) -> Scene:
     """Load a scene from an MJCF file, or by the name of a shipped one.
 
     Args:
         path: a file, or a name in `shipped_scenes()`.
         body: name of the stone; the first free body if None.
+        sea: waves and current instead of the scene's, about bodies that radiate: see `Sea.from_text`.
 
     Raises:
         SceneError: the file is missing, does not compile, has no free body, lacks `body`, or has a
@@ -182,7 +185,7 @@ def load_scene(path: PathLike = "lake", *, body: str | None = None) -> Scene:
     file = _find(path)
     if body is not None:
         check_type("body", body, str, "give the name of a free body")
-    model = load_model(file)
+    model = load_model(file, sea=sea)
     names = [body_name(model, b) for b in free_bodies(model)]
     if not names:
         raise SceneError(f"{file} has no free body: give the stone a <freejoint/>")
