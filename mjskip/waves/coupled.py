@@ -39,6 +39,10 @@ about a seventh of the error that it found."""
 STEPS_BETWEEN_CHECKS = 16
 """Most steps between looks for calm tiles and for those that waves reach; a wave moves half a cell at most."""
 
+LONGEST_FACE = 1.3
+"""Longest edge of a face, in load radii; longer ones are split. Times and exit speeds of a touch are within 0.5% and
+1.7% of those with ever shorter faces; at 1 it takes twice as many faces and they are within 0.2% and 1.1%."""
+
 MANY_CELLS = 400
 """Cells across the surface under a body beyond which a step takes longer than the water around it."""
 
@@ -313,7 +317,7 @@ def _arrays(blocks: Sequence[Array], radius: float, side: int, impulse: Array) -
         block[law] = 0.0
         if not (block[hydro.WEIGHT_DENSITY] or block[hydro.SKIN_DENSITY]):
             block[[hydro.N_FACES, hydro.STRIDE]] = 0  # the air needs none
-    split = [split_block(block, radius) for block in blocks]
+    split = [split_block(block, LONGEST_FACE * radius) for block in blocks]
     triangles = [triangles_of(block) for block in split]
     meshes = [_shared_vertices(corners) for corners in triangles]
     vectors = [0.5 * np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]) for t in triangles]
