@@ -37,7 +37,7 @@ from mjskip.throws.throw import State
 from mjskip.waves import _coupled_kernels as kernels
 from mjskip.waves import _coupling_kernels as twin
 from mjskip.waves import _face_kernels as faces
-from mjskip.waves.coupled import CoupledWater
+from mjskip.waves.coupled import LONGEST_FACE, CoupledWater
 
 FLUID = Water(density=RHO, air_density=0.0)
 LIMITS = Limits(duration=0.35)
@@ -119,7 +119,7 @@ def test_loads_found_cell_by_cell_are_those_found_with_the_whole_matrix(law):
         pool = Pool("waves", z, before, timestep=2e-4, damping=3.0)
         y = thrown(rng, stones, spread=0.05)
         states = states_of(y, stones)
-        expected = coupled(stones, "waves", law=law, damping=3.0).loads(
+        expected = coupled(stones, "waves", law=law, damping=3.0, longest_face=LONGEST_FACE).loads(
             states, pool.surface, pool.dt
         )
         _, c = bodies_on(pool, stones, law=law, damping=3.0)
@@ -278,10 +278,11 @@ def test_two_stones_side_by_side_share_a_block_of_cells_and_feel_each_other():
     run = Stones(starts, HeightField.endless())
     path, _, _ = run.advance(60)
     assert run.water.coupled.counts[kernels.CLUSTERS] == 1
-    np.testing.assert_allclose(path[:, 0, :3], path[:, 1, :3] * half, atol=2e-5)  # single precision
+    # images of each other, but for how their round faces were halved
+    np.testing.assert_allclose(path[:, 0, :3], path[:, 1, :3] * half, atol=5e-5)
     alone = Stones([dropped(DISC, 2.0, x=0.055)], HeightField.endless())
     expected, _, _ = alone.advance(60)
-    assert abs(path[-1, 0, :3] - expected[-1, 0, :3]).max() > 1e-5
+    assert abs(path[-1, 0, :3] - expected[-1, 0, :3]).max() > 3e-4
 
 
 def test_in_periodic_water_a_stone_feels_what_went_over_the_edge():
