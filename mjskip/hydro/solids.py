@@ -372,9 +372,9 @@ def simplify(mesh: Any, max_faces: int) -> tuple[Any, Simplification]:
             small = found
             if len(small.faces) <= max_faces:
                 break
-        found = _collapsed(small, size, max_faces, 1.0)
-        if len(small.faces) > max_faces and _keeps_shape(found, mesh):
-            small = found
+        if len(small.faces) > max_faces:
+            found = _collapsed(small, size, max_faces, 1.0)
+            small = found if _keeps_shape(found, mesh) else small
     volume, area, centre = float(mesh.volume), float(mesh.area), np.array(mesh.center_mass)
     volume_error = float(small.volume) / volume - 1.0
     grow = (volume / float(small.volume)) ** (1.0 / 3.0)
