@@ -106,8 +106,8 @@ def _bocquet(law: str) -> float:
 
 
 def contact_times(jobs: list[tuple[str, float, float, float]]) -> Any:
-    """Contact times [ms] of throws (law, attack, descent, spin); nan where the disc stays in."""
-    disc = clanet_disc()
+    """Contact times [ms] of throws (law, attack, descent, spin) of a 32-gon; nan where it stays in."""
+    disc = clanet_disc(segments=32)
     throws = [
         Throw.from_degrees(speed=3.5, spin=spin, attack=attack, descent=descent, height=0.0)
         for _, attack, descent, spin in jobs
