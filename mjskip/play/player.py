@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -9,7 +10,7 @@ from dataclasses import dataclass
 
 from mjskip._typing import Array
 from mjskip.play.thrown import ThrowResult
-from mjskip.throws.trajectory import pose_at
+from mjskip.throws.trajectory import Trajectory, pose_at
 from mjskip.throws.wake import Wake
 from mjskip.waves.lake import Lake
 
@@ -18,6 +19,9 @@ AFTER = 4.0
 
 FPS = 30.0
 """Frames per second at most."""
+
+SLOWING, SINKING = 0.5, 0.35
+"""After its run a stone goes on for about this time [s], and sinks at this speed [m/s]."""
 
 MOST_AT_ONCE = 0.2
 """Time that the water moves on between two frames at most [s]: if the machine cannot keep up with it, the
@@ -93,12 +97,27 @@ class Replay:
         return Frame(
             thrown=self.thrown,
             time=until,
-            poses={name: pose_at(flight, until) for name, flight in self.thrown.flights.items()},
+            poses={name: pose_after(flight, until) for name, flight in self.thrown.flights.items()},
             touches=sum(contact.entry.time <= until for contact in contacts),
             lake=self.lake,
             late=late,
             last=until >= self.end,
         )
+
+
+def pose_after(flight: Trajectory, time: float) -> tuple[Array, Array]:
+    """The pose at a time, and how a stone goes on after its run: drawn only.
+
+    What planes on slows down and sinks; what sank sinks on; what is at rest stays.
+    """
+    position, attitude = pose_at(flight, time)
+    since = time - float(flight.time[-1])
+    if since <= 0.0 or flight.end == "at rest":
+        return position, attitude
+    speed = flight.velocity[-1] * [1.0, 1.0, 0.0]
+    ahead = speed * SLOWING * (1.0 - math.exp(-since / SLOWING))
+    late = max(since - SLOWING, 0.0) if flight.end != "sunk" else since
+    return position + ahead - [0.0, 0.0, SINKING * late], attitude
 
 
 def _lake(thrown: ThrowResult) -> Lake:
