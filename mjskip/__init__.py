@@ -37,12 +37,11 @@ if TYPE_CHECKING:
     from mjskip.throws.trajectory import Contact as Contact
     from mjskip.throws.trajectory import Trajectory as Trajectory
     from mjskip.waves import HeightField as HeightField
-    from mjskip.waves.lake import Lake as Lake
 
     __version__: str
 
 __all__ = [
-    "LAWS", "Contact", "Coupling", "HeightField", "Hull", "Lake", "Limits", "Renderer", "Scene", "Stone", "Throw",
+    "LAWS", "Contact", "Coupling", "HeightField", "Hull", "Limits", "Renderer", "Scene", "Stone", "Throw",
     "Trajectory", "Water", "WaterAppearance", "WaterSurface", "add_water", "attach", "errors", "float_at_rest", "integrate", "load_scene",
     "optimize", "register_plugin", "render_video",
     "simulate", "simulate_all", "sweep", "wrench",
@@ -70,7 +69,6 @@ _WHERE = {
     "throws.throw": ["Throw"],
     "throws.trajectory": ["Contact", "Trajectory"],
     "waves": ["HeightField"],
-    "waves.lake": ["Lake"],
 }
 """Where the public names live, by module of this package."""
 

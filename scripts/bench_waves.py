@@ -1,8 +1,8 @@
 """How near is the water's step to what memory allows? Ratios of medians, measured in one run.
 
 Prints JSON: a 500 x 500 step over a copy of the same grid and under a NumPy slice version of the
-same stencil; one thread against two at 4096 x 4096; a row of touches over 100 m of endless lake
-against a dense field of 16384 x 16384 cells, whose step is taken as 16 times that at 4096. Half a
+same stencil; one thread against two at 4096 x 4096; a row of touches over 100 m of endless water
+against a field of 16384 x 16384 cells, whose step is taken as 16 times that at 4096. Half a
 minute.
 """
 
@@ -18,7 +18,6 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip.waves import HeightField
-from mjskip.waves.lake import Lake
 
 
 def median_seconds(call: Callable[[], object], *, repeats: int) -> float:
@@ -52,21 +51,21 @@ def waves(n: int, *, threads: int) -> HeightField:
     return water
 
 
-def open_lake() -> tuple[float, int, int]:
+def open_water() -> tuple[float, int, int]:
     """Touches over 100 m at 9 m/s: mean seconds per step, most bytes, most tiles."""
-    lake = Lake()
-    lake.press(-1.0, 0.0, force=10.0, radius=0.05)
-    lake.advance(0.01)  # compiled
-    lake.reset()
+    water = HeightField.endless()
+    water.press(-1.0, 0.0, force=10.0, radius=0.05)
+    water.advance(0.01)  # compiled
+    water.reset()
     steps, most, tiles = 0, 0, 0
     start = time.perf_counter()
     for place in np.arange(0.0, 100.0, 2.5).tolist():
         for _ in range(4):
-            lake.press(place, 0.0, force=10.0, radius=0.05)
-            steps += lake.advance(0.01)
+            water.press(place, 0.0, force=10.0, radius=0.05)
+            steps += water.advance(0.01)
         for _ in range(24):
-            steps += lake.advance(0.01)
-        most, tiles = max(most, lake.memory), max(tiles, lake.awake_tiles)
+            steps += water.advance(0.01)
+        most, tiles = max(most, water.memory), max(tiles, water.active_tiles)
     return (time.perf_counter() - start) / steps, most, tiles
 
 
@@ -88,18 +87,18 @@ def bench() -> dict[str, Any]:
     ]
     ours, copy, numpy_slices = (min(times) for times in zip(*rounds, strict=True))
 
-    dense = []
+    whole = []
     for threads in (1, 2):
         water = waves(4096, threads=threads)
-        dense.append(median_seconds(partial(water.advance, 16 * step), repeats=8) / 16)
+        whole.append(median_seconds(partial(water.advance, 16 * step), repeats=8) / 16)
         if threads == 1:
             one_by_one = median_seconds(partial(water.step, step), repeats=20)
         del water
     big = np.ones((4096, 4096), np.float32)  # zeros would all be one page
     big_target = big.copy()
-    dense_copy = median_seconds(lambda: np.copyto(big_target, big), repeats=30)
-    dense_one, dense_two = dense  # several steps in one pass over memory
-    lake_step, lake_bytes, lake_tiles = open_lake()
+    big_copy = median_seconds(lambda: np.copyto(big_target, big), repeats=30)
+    whole_one, whole_two = whole  # several steps in one pass over memory
+    open_step, open_bytes, open_tiles = open_water()
     return {
         "cores": os.cpu_count(),
         "step_500_us": 1e6 * ours,
@@ -107,17 +106,17 @@ def bench() -> dict[str, Any]:
         "numpy_500_us": 1e6 * numpy_slices,
         "step_over_memcpy_500": ours / copy,
         "numpy_over_step_500": numpy_slices / ours,
-        "step_4096_one_thread_ms": 1e3 * dense_one,
-        "step_4096_two_threads_ms": 1e3 * dense_two,
-        "two_threads_speedup_4096": dense_one / dense_two,
-        "steps_in_one_pass_speedup_4096": one_by_one / dense_one,
-        "step_over_memcpy_4096_one_thread": dense_one / dense_copy,
-        "lake_step_ms": 1e3 * lake_step,
-        "lake_megabytes": 1e-6 * lake_bytes,
-        "lake_tiles": lake_tiles,
-        "dense_16384_step_ms_extrapolated": 16e3 * one_by_one,  # a step at a time, as the lake
-        "dense_over_lake_time": 16.0 * one_by_one / lake_step,
-        "dense_over_lake_memory": 2.0 * 4.0 * 16384**2 / lake_bytes,
+        "step_4096_one_thread_ms": 1e3 * whole_one,
+        "step_4096_two_threads_ms": 1e3 * whole_two,
+        "two_threads_speedup_4096": whole_one / whole_two,
+        "steps_in_one_pass_speedup_4096": one_by_one / whole_one,
+        "step_over_memcpy_4096_one_thread": whole_one / big_copy,
+        "endless_step_ms": 1e3 * open_step,
+        "endless_megabytes": 1e-6 * open_bytes,
+        "endless_tiles": open_tiles,
+        "whole_16384_step_ms_extrapolated": 16e3 * one_by_one,  # a step at a time, as endless water
+        "whole_over_endless_time": 16.0 * one_by_one / open_step,
+        "whole_over_endless_memory": 2.0 * 4.0 * 16384**2 / open_bytes,
     }
 
 

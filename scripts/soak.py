@@ -2,8 +2,8 @@
 
     python scripts/soak.py [minutes]
 
-Prints, every half minute: mean level of the lake inside its walls (loads move water and make none), the
-greatest elevation, what the waves gained of what the stones lost, memory. Ten minutes take five to ten.
+Prints, every half minute: mean level inside the walls (loads move water and make none), the greatest elevation, the
+impulse that the water was given, memory.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from mjskip import Throw, Water
-from mjskip.hydro.stone import Stone
-from mjskip.throws.reference import Integrator
-from mjskip.waves.lake import Lake
-from mjskip.waves.twoway import MovingSurface
+from mjskip import HeightField, Stone, Throw, Water
+from mjskip.hydro.columns import FORCE
+from mjskip.hydro.wrench import pack
+from mjskip.throws.kick import KickedStones
+from mjskip.waves.coupled import CoupledWater
 
 TIMESTEP = 1e-3
 STONES = {
@@ -27,63 +27,51 @@ STONES = {
     "disc": Stone.disc(0.05, 0.01, segments=24, density=2500.0),
     "light": Stone.disc(0.06, 0.02, segments=24, density=700.0),
 }
-WATER = Water(buoyancy=True, skin_friction=True, gate="local")
+WATER = Water(buoyancy=True, skin_friction=True)
+GRAVITY = np.array([0.0, 0.0, -9.81])
 
 
 def soak(seconds: float, *, every: float = 30.0, seed: int = 1) -> Iterator[dict[str, Any]]:
     """Throw three stones, each anew when it has sunk or after four seconds, and report now and then."""
     rng = np.random.default_rng(seed)
-    lake = Lake((192, 192), damping=0.5, sleep_amplitude=0.0)
-    balance = dict.fromkeys(("lost", "gained", "taken", "given", "loads", "limited"), 0.0)
-    flying: dict[str, Integrator] = {}
-    states: dict[str, Any] = {}
-    age = dict.fromkeys(STONES, 0)
-    surface: MovingSurface | None = None
+    field = HeightField((192, 192), damping=0.5)
+    stones = list(STONES.values())
 
-    def count() -> None:
-        if surface is not None:
-            surface.settle()
-            for name in balance:
-                balance[name] += getattr(surface.balance, name)
+    def thrown(stone: Stone) -> Any:
+        throw = Throw.from_degrees(
+            speed=rng.uniform(1, 9), spin=rng.uniform(0, 60), attack=rng.uniform(0, 40),
+            descent=rng.uniform(0, 80), height=rng.uniform(0, 0.5),
+        )  # fmt: skip
+        return throw.state(stone, x=rng.uniform(-1.8, 0.5), y=rng.uniform(-1.5, 1.5))
 
-    steps, report = round(seconds / TIMESTEP), round(every / TIMESTEP)
-    for step in range(1, steps + 1):
-        gone = [
-            n
-            for n in STONES
-            if n not in flying or states[n][0, 2] < -0.3 or age[n] * TIMESTEP > 4.0
-        ]
-        if gone:
-            count()
-            for name in gone:
-                throw = Throw.from_degrees(
-                    speed=rng.uniform(1, 9), spin=rng.uniform(0, 60), attack=rng.uniform(0, 40),
-                    descent=rng.uniform(0, 80), height=rng.uniform(0, 0.5),
-                )  # fmt: skip
-                start = throw.state(
-                    STONES[name], x=rng.uniform(-1.8, 0.5), y=rng.uniform(-1.5, 1.5)
-                )
-                flying[name] = Integrator(STONES[name], start, water=WATER, timestep=TIMESTEP)
-                states[name], age[name] = flying[name].start(), 0
-            blocks = {name: stone.block for name, stone in flying.items()}
-            surface = MovingSurface(lake, blocks, own_dent=bool(rng.integers(2)))
-        assert surface is not None
-        surface.look(states)
-        surface.advance(TIMESTEP)
-        for name, stone in flying.items():
-            states[name] = stone.advance(1)
-            age[name] += 1
-        if step % report == 0 or step == steps:
-            count()
-            surface.balance = type(surface.balance)()
+    def launched(starts: list[Any]) -> KickedStones:
+        return KickedStones(stones, starts, timestep=TIMESTEP, gravity=GRAVITY)
+
+    engine = launched([thrown(stone) for stone in stones])
+    water = CoupledWater(
+        field, [pack(stone, WATER) for stone in stones], timestep=TIMESTEP, stages=0
+    )
+    engine.couple(water)
+    age, given, finite, done = np.zeros(len(stones)), 0.0, True, 0
+    steps, report, block = round(seconds / TIMESTEP), round(every / TIMESTEP), 50
+    while done < steps:
+        path, loads, reactions = water.advance(engine, engine.states(), block)
+        done, age = done + block, age + block * TIMESTEP
+        given += TIMESTEP * float(reactions.sum())
+        finite = finite and bool(np.isfinite(path).all() and np.isfinite(loads[..., FORCE]).all())
+        for k in np.flatnonzero((path[-1, :, 2] < -0.3) | (age > 4.0)):
+            engine.y[k] = launched([thrown(stone) for stone in stones]).y[k]
+            age[k] = 0.0
+        if done % report < block or done >= steps:
+            water.catch_up()
             yield {
-                "time": step * TIMESTEP,
-                "mean_level": lake.volume() / (192 * lake.spacing) ** 2,
-                "highest": lake.highest,
-                "finite": all(np.isfinite(s).all() for s in states.values()),
-                "water_bytes": lake.memory,
+                "time": done * TIMESTEP,
+                "mean_level": field.volume() / (192 * field.spacing) ** 2,
+                "highest": field.highest,
+                "given_impulse": given,
+                "finite": finite,
+                "water_bytes": field.memory,
                 "process_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0,
-                **balance,
             }
 
 

@@ -30,12 +30,15 @@ sys.path.insert(0, str(HERE / "validation"))
 
 from _common import plain  # noqa: E402
 
-from mjskip.hydro.laws import LAWS  # noqa: E402
+from mjskip.hydro.laws import advice_table  # noqa: E402
 
 QUESTIONS = (
     "oracle",
     "experiments",
-    *(["planing"] if "lee2010_forward" in LAWS else []),
+    "planing",
+    "unsteady",
+    "deep_water",
+    "others",
     "fig_spin",
     "fig_momentum",
     "fig_paths",
@@ -112,10 +115,10 @@ def write_page(parts: list[Part], made: dict[str, Any]) -> str:
     """The whole page."""
     reproduction = importlib.import_module("reproduction")
     found = {part.name: part.found for part in parts}
-    sections = ["# Is it right?", reproduction.summary(found)]
+    sections = ["# Is it right?", advice_table(), reproduction.summary(found)]
     for part in parts:
         sections.append(f"## {part.module.TITLE}\n\n{part.module.page(part.found).strip()}")
-        if part.name == ("planing" if "planing" in found else "experiments"):
+        if part.name == "others":
             sections.append(f"## {reproduction.TITLE}\n\n{reproduction.page(found)}")
     total = sum(part.seconds for part in parts)
     sections.append(

@@ -2,7 +2,6 @@
 
 import json
 import re
-import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -144,7 +143,10 @@ BAD = {
         "has 100000000 throws",
     ),
     "picture": (("run", "--picture", "p.png"), "give --strip"),
-    "dent": (("run", "--own-dent"), "--surface waves"),
+    "waves of a law along the face": (
+        ("run", "--surface", "waves", "--law", "bocquet2003"),
+        "use one of lee2010",
+    ),
     "command": (("throw",), "No such command"),
     "ladder": (("compare", "--timestep", "3e-4", "--timestep", "2e-4"), "no multiple"),
     "never touches": (("compare", "--height", "900"), "does not touch the water"),
@@ -178,16 +180,6 @@ def test_a_coarse_time_step_is_doubted_with_both_numbers(capsys):
     code, _, err = run(capsys, "run", "--json", "--timestep", "0.002")
     assert code == 0
     assert re.search(r"warning: time step 0\.002 s is too large .* at most 0\.00\d+ s", err)
-
-
-def test_the_snippet_of_the_readme_runs(tmp_path, capsys):
-    readme = (ROOT / "README.md").read_text()
-    (snippet,) = re.findall(r"```python\n(.*?)```", readme, flags=re.S)
-    file = tmp_path / "snippet.py"
-    file.write_text(snippet)
-    left = runpy.run_path(str(file))
-    assert left["trajectory"].skips >= 2
-    assert left["data"].xfrc_applied.any() == 0  # put back when the context closed
 
 
 def test_help_is_quick_and_whole():

@@ -153,6 +153,28 @@ def test_the_arm_throws_as_in_its_scene():
     assert total == pytest.approx(info["skips"] + 0.1 * info["distance"])
 
 
+@pytest.mark.parametrize("vector", [False, True])
+def test_a_stone_that_lands_on_the_bank_is_over_and_has_not_skipped_there(vector):
+    env = many("Thrower", 1) if vector else make("Thrower")
+    env.reset(seed=0)
+    action = np.array([0.0, 0.0, 0.0, 1.0])
+    env.step(action[None] if vector else action)
+    simulation = env._episodes.simulation
+    # down on the beach where it is dry or a centimetre under water
+    for y, skips in ((9.0, 0), (5.6, 0)):
+        env.reset(seed=0)
+        env.step(action[None] if vector else action)
+        simulation.qpos[0, 3:6] = [4.0, y, 0.5]
+        simulation.qvel[0, :] = 0.0
+        simulation.qvel[0, 5] = -3.0
+        for _ in range(200):
+            *_, terminated, _, info = env.step(action[None] if vector else action)
+            if np.all(terminated):
+                break
+        assert np.all(terminated)
+        assert info["skips"] == skips
+
+
 def test_the_arms_limits_are_those_of_its_scene_and_its_own_throw_is_within_them():
     env, scene = make("Thrower"), load_scene("thrower")
     for field in ("actuator_ctrlrange", "actuator_forcerange", "actuator_gainprm", "body_mass"):

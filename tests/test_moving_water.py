@@ -1,7 +1,10 @@
 """Water that moves inside MuJoCo's own step: the plugin's surfaces `waves` and `deep`."""
 
 import copy
+import gc
+import resource
 import threading
+import time
 
 import mujoco
 import mujoco.batch
@@ -364,3 +367,89 @@ def test_bodies_are_named_or_found():
     assert model.npluginstate == int(moving.state_size(64))
     with pytest.raises(SceneError, match="no plugin instance 'lake': there are water"):
         WaterSurface(model, mujoco.MjData(model), instance="lake")
+
+
+def test_a_batch_of_256_on_two_threads_equals_one_by_one_to_the_last_bit():
+    model = model_of("deep", timestep=5e-4, keys={"size": 0.32})
+    many = mujoco.batch.Batch(model, 256, 2)
+    speeds = np.linspace(1.0, 6.0, 256)
+    data = thrown(model, throw=Throw(speed=3.0, attack=0.3, descent=0.5, height=0.002))
+    qpos, qvel = np.tile(data.qpos, (256, 1)), np.tile(data.qvel, (256, 1))
+    qvel[:, :3] *= speeds[:, None] / 3.0
+    shown, speed = many.bind("qpos"), many.bind("qvel")
+    shown[:], speed[:] = qpos, qvel
+    many.step(nstep=60)
+    for n in range(0, 256, 15):
+        alone = mujoco.MjData(model)
+        alone.qpos[:], alone.qvel[:] = qpos[n], qvel[n]
+        mujoco.mj_step(model, alone, 60)
+        assert (shown[n] == alone.qpos).all()
+        assert (speed[n] == alone.qvel).all()
+    assert abs(WaterSurface(model, alone).level).max() > 1e-4
+
+
+@pytest.mark.slow
+def test_models_that_come_and_go_in_threads_keep_their_water():
+    """25 s: models are made, stepped, copied and dropped; each gives the same as ever, and memory settles."""
+    expected = {}
+
+    def once(surface):
+        model = model_of(surface, keys={"size": 0.32})
+        data = thrown(model, throw=Throw(speed=3.0, attack=0.3, descent=0.5, height=0.002))
+        mujoco.mj_step(model, data, 40)
+        data = copy.copy(data)
+        mujoco.mj_step(model, data, 40)
+        return full_state(model, data).tobytes()
+
+    for surface in ("waves", "deep"):
+        expected[surface] = once(surface)
+    wrong, rounds, sizes, until = [], [], [], time.monotonic() + 25.0
+
+    def churn(offset):
+        count = 0
+        while time.monotonic() < until and not wrong:
+            surface = ("waves", "deep")[(count + offset) % 2]
+            try:
+                if once(surface) != expected[surface]:
+                    wrong.append(f"{surface} differs after {count} rounds")
+            except Exception as error:
+                wrong.append(repr(error))
+            count += 1
+            if offset == 0 and count % 5 == 0:
+                gc.collect()
+                with open("/proc/self/statm") as file:
+                    sizes.append(int(file.read().split()[1]) * resource.getpagesize())
+        rounds.append(count)
+
+    threads = [threading.Thread(target=churn, args=(k,)) for k in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert wrong == []
+    assert sizes[-1] - sizes[len(sizes) // 2] < 20e6
+
+
+@pytest.mark.slow
+def test_a_minute_of_stones_in_one_water():
+    """Three stones thrown at random again and again: finite, no volume made, bounded waves."""
+    rng = np.random.default_rng(3)
+    model = model_of("deep", bodies=3)
+    data = mujoco.MjData(model)
+    water, until, throws = WaterSurface(model, data), time.monotonic() + 60.0, 0
+    while time.monotonic() < until:
+        for n in range(3):
+            if throws < 3 or data.qpos[7 * n + 2] < -0.4:
+                throw = Throw(
+                    speed=rng.uniform(1, 12), spin=rng.uniform(-400, 400), attack=rng.uniform(0, 0.8),
+                    descent=rng.uniform(0.1, 1.2), height=0.02,
+                )  # fmt: skip
+                place(model, data, throw, at=n, x=data.qpos[0], y=0.05 * n)
+                throws += 1
+        mujoco.mj_step(model, data, 50)
+        assert np.isfinite(data.qpos).all()
+        assert np.abs(water.level).max() < 1.0
+        volume = water.level.sum() * water.spacing**2 + water.left_behind[0]
+        assert abs(volume) < 1e-12
+    assert data.warning.number.sum() == 0
+    assert throws > 10

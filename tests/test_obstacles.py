@@ -11,8 +11,7 @@ from mjskip import HeightField, Limits, load_scene, simulate
 from mjskip.coupling.terrain import Land, land_of
 from mjskip.errors import MjskipWarning, SceneError
 from mjskip.throws.engines import ReferenceEngine
-from mjskip.waves.lake import Lake
-from mjskip.waves.twoway import MovingSurface
+from mjskip.throws.run import Run
 
 WORLD = """<mujoco>
   <custom><numeric name="mjskip.obstacles" data="{on}"/>
@@ -55,7 +54,8 @@ def test_land_is_where_fixed_geoms_pierce_the_surface_and_nowhere_else(world):
 
 
 def test_waves_do_not_enter_an_island_and_lose_no_water_to_it(world):
-    field = world().field()
+    scene = world()
+    field = HeightField(**scene.grid, terrain_mask=Land(scene.model))  # nothing sleeps
     field.press(0.0, 0.0, force=20.0, radius=0.1)
     field.advance(0.05)
     field.advance(1.5)
@@ -75,26 +75,33 @@ def test_what_a_switch_cannot_be_is_refused(world):
         world(2)
 
 
-def test_a_stone_throws_waves_at_an_island_in_two_way_water(world):
+def test_a_stone_throws_waves_at_an_island_that_it_feels(world):
     scene = world().rethrow(speed=4.0, height=0.0)
-    lake = Lake((256, 128), land=Land(scene.model), sleep_amplitude=0.0)
-    with ReferenceEngine(scene, None, 5e-4, frozen_attitude=False) as engine:
-        surface = MovingSurface(lake, engine.blocks)
-        motion = engine.start()
-        for _ in range(2000):
-            surface.look(motion)
-            surface.advance(5e-4)
-            motion = engine.advance(1)
-        surface.settle()
-    level, x, y = lake.window(0.0, 0.0, (256, 128))
-    land = land_of(scene.model, x, y)
+    mask = Land(scene.model)
+    field = HeightField((256, 128), terrain_mask=mask, sleep_amplitude=1e-30)
+    with ReferenceEngine(scene, None, 5e-4, frozen_attitude=False, over_waves=True) as engine:
+        run = Run(scene, engine, 5e-4, field=field, feel=True)
+        run.advance(2000)
+        run.show()
+    level, land = field.elevation, mask(field.x, field.y)
     assert land.any()
     assert not level[land].any()
     # waves have come to the island's shore, not only near the stone, and lost no water to it
     shore = land ^ (land | np.roll(land, 1, 1) | np.roll(land, -1, 1))
     assert abs(level[shore]).max() > 1e-4
     moved = float(abs(level).sum()) * 0.02**2
-    assert abs(lake.volume()) < 1e-4 * moved
+    assert abs(field.volume()) < 1e-4 * moved
+
+
+@pytest.mark.parametrize("sleep_amplitude", [0.0, 1e-30])
+def test_a_load_on_the_shore_moves_water_and_makes_none(sleep_amplitude):
+    field = HeightField((128, 128), terrain_mask=islands, sleep_amplitude=sleep_amplitude)
+    for x, y in ((0.2, 0.1), (1.0, -1.2)):  # by the disc; by the pier, at the wall
+        field.press(x, y, force=5.0, radius=0.1)
+    field.step(0.01)
+    assert abs(field.elevation).max() > 1e-3
+    assert not field.elevation[field.terrain_mask].any()
+    assert abs(field.volume()) < 1e-9
 
 
 def islands(x, y):
@@ -102,29 +109,6 @@ def islands(x, y):
     x, y = np.asarray(x)[:, None], np.asarray(y)[None, :]
     disc, pier = np.hypot(x + 0.1, y - 0.2) < 0.35, (abs(x - 0.9) < 0.1) & (y < -0.8)
     return disc | pier | ((abs(x - 0.61) < 0.01) & (abs(y - 0.61) < 0.01))
-
-
-def test_a_reaction_on_the_shore_is_the_load_that_a_dense_field_knows():
-    field = HeightField((128, 128))
-    field = HeightField((128, 128), terrain_mask=islands(field.x, field.y))
-    lake = Lake((128, 128), land=islands, sleep_amplitude=0.0)
-    for x, y in ((0.2, 0.1), (1.0, -1.2)):  # by the disc; by the pier, at the wall
-        field.press(x, y, force=5.0, radius=0.1)
-    field.step(0.01)
-    lake.step(0.01)
-    for x, y in ((0.2, 0.1), (1.0, -1.2)):
-        head = lake.head(x, y, radius=0.1, volume=5.0 / (1000.0 * 9.81 * 0.02**2))
-        share, _ = lake.press_after(head, 0.01, weight=1.0, elsewhere=0.0, loss=math.inf)
-        assert share == 1.0
-    level, _, _ = lake.window(0.0, 0.0, (128, 128))
-    assert abs(level).max() > 1e-3
-    np.testing.assert_allclose(level, field.elevation, rtol=0.0, atol=3e-9)
-    assert abs(lake.volume()) < 1e-9
-
-
-def test_a_lake_that_is_all_land_is_refused():
-    with pytest.raises(ValueError, match="leave some water"):
-        Lake((64, 64), land=lambda x, y: np.ones((len(x), len(y)), bool))
 
 
 def test_land_that_covers_everything_is_refused():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 
+import mujoco
 import numpy as np
 import pytest
 import shapely
@@ -12,9 +13,10 @@ import trimesh
 from conftest import rotation
 from scipy.integrate import quad
 
-from mjskip import Limits, Stone, Throw, Water, integrate, wrench
+from mjskip import Limits, Stone, Throw, Water, attach, integrate, simulate, wrench
 from mjskip.hydro.laws import LAWS
 from mjskip.hydro.water import GATES
+from mjskip.sweeps.batch import throw_all
 
 FORWARD = [name for name, law in LAWS.items() if law.forward]
 
@@ -288,3 +290,98 @@ def test_the_real_discs_throw_bounces_where_the_papers_law_keeps_it():
         for law in ("lee2010", "lee2010_forward")
     }
     assert skips == {"lee2010": False, "lee2010_forward": True}
+
+
+def test_a_disc_let_go_under_water_takes_the_added_mass_with_it():
+    """From rest m a = m g - m_a a: N = m_a g / (1 + m_a / m) on the face that would sink."""
+    disc = Stone.disc(0.05, 0.004, segments=128, density=3000.0)
+    still = {"position": (0.0, 0.0, -1.0), "velocity": (0.0, 0.0, -1e-6)}
+    found = wrench(
+        disc, Water(law="rayleigh1876_forward", added_mass=1.0, air_density=0.0), **still
+    )
+    area = disc.disc_area
+    lam = 0.1**2 / area
+    square = 1.0 + lam**2
+    mass = 1000.0 * math.pi / 8.0 * 0.1 * area * (1.0 - 0.425 * lam / square) / math.sqrt(square)
+    assert found.force[2] == pytest.approx(
+        mass * 9.81 / (1.0 + mass / disc.mass), rel=2e-3
+    )  # 128-gon
+    assert found.force[:2] == pytest.approx([0.0, 0.0], abs=1e-9)
+    assert wrench(disc, Water(law="rayleigh1876_forward"), **still).force[2] < 1e-6
+
+
+def test_a_plate_that_grows_wetter_is_pressed_by_the_growth():
+    """Without weight and with endless inertia N - Q = V.n dm_a/dt, here by differences of m_a of rectangles."""
+    beam, angle, speed = 0.2, math.radians(15.0), np.array([4.0, 0.0, -1.0])
+    plate = Stone.from_mesh(trimesh.creation.box((0.6, beam, 1e-4)), density=1e9)
+    wet = 0.25  # of the lower face, from its trailing edge
+    height = (0.3 - wet) * math.sin(angle)
+    at = {"position": (0.0, 0.0, height), "q": tilted(15.0), "velocity": speed}
+    loads = [
+        wrench(plate, Water(law="rayleigh1876_forward", added_mass=share, air_density=0.0), **at)
+        for share in (0.0, 1.0)
+    ]
+    normal = np.array([-math.sin(angle), 0.0, math.cos(angle)])
+    sinking = -normal @ speed
+
+    def mass(length):
+        lam = length / beam
+        square = 1.0 + lam**2
+        shape = (1.0 - 0.425 * lam / square) / math.sqrt(square)
+        return 1000.0 * math.pi / 8.0 * length**2 * beam * shape
+
+    growth = -speed[2] / math.sin(angle)  # of the wetted length
+    rate = (mass(wet + 1e-6) - mass(wet - 1e-6)) / 2e-6 * growth
+    weight = mass(wet) * 9.81 * math.cos(angle)  # of the water that a0 = g would take along
+    gained = (loads[1].force - loads[0].force) @ normal
+    assert gained == pytest.approx(sinking * rate + weight, rel=5e-3)  # edges of 0.1 mm
+
+
+def test_added_mass_is_for_plates_and_for_what_is_thrown():
+    with pytest.raises(ValueError, match="law 'lee2010' has no plates: use one of lee2010_forward"):
+        Water(added_mass=1.0)
+    with pytest.raises(ValueError, match="added_mass"):
+        Water(law="lee2010_forward", added_mass=1.5)
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><body name="b"><freejoint/><geom type="box" size=".1 .1 .1"/></body></worldbody></mujoco>'
+    )
+    water = Water(law="rayleigh1876_forward", added_mass=1.0)
+    with pytest.raises(ValueError, match="added_mass is 1, which needs a body that is free"):
+        attach(model, mujoco.MjData(model), water=water)
+
+
+@pytest.mark.parametrize("law", ["rayleigh1876_forward", "birkhoff1944"])
+def test_both_engines_the_plugin_and_a_sweep_take_a_law_alike(law, tmp_path):
+    path = tmp_path / "disc.xml"
+    scene = f"""<custom><text name="mjskip.law" data="{law}"/>
+        <numeric name="mjskip.air_density" data="0"/></custom>"""
+    plugin = f"""<extension><plugin plugin="mjskip.water"><instance name="w">
+        <config key="law" value="{law}"/><config key="air_density" value="0"/>
+        </instance></plugin></extension>"""
+    for head, carried in ((scene, ""), (plugin, '<plugin instance="w"/>')):
+        path.write_text(f"""<mujoco><option timestep=".0002" integrator="RK4"/>{head}
+            <worldbody><body name="b"><freejoint/>{carried}
+            <geom type="box" size=".05 .04 .01" density="1500"/></body></worldbody></mujoco>""")
+        throw = Throw.from_degrees(speed=6.0, spin=20.0, attack=20.0, descent=20.0, height=0.005)
+        limits = Limits(duration=0.05)
+        runs = [
+            simulate(path, throw, engine=engine, timestep=2e-4, limits=limits)
+            for engine in ("mujoco", "reference")
+        ]
+        assert runs[0].x[-1] == pytest.approx(runs[1].x[-1], abs=1e-5)
+    outcomes = [
+        throw_all(
+            SHAPED["bar"],
+            [throw],
+            water=[Water(law=name, air_density=0.0)],
+            timestep=2e-4,
+            limits=limits,
+            air="fixed",
+        )
+        for name in (law, "lee2010")
+    ]
+    one = integrate(
+        SHAPED["bar"], throw, water=Water(law=law, air_density=0.0), timestep=2e-4, limits=limits
+    )
+    assert outcomes[0].distance[0] == pytest.approx(one.x[-1, 0], abs=1e-6)
+    assert outcomes[0].distance[0] != outcomes[1].distance[0]

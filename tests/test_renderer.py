@@ -344,7 +344,7 @@ def test_water_that_is_none_is_refused(water, options, says):
 
 def test_any_water_of_the_package_is_drawn():
     model, data = boat()
-    lake = mjskip.Lake(spacing=0.02)
+    lake = mjskip.HeightField.endless(spacing=0.02)
     lake.press(0.3, 0.0, force=5.0, radius=0.1, density=1000.0)
     lake.advance(0.05)
     assert np.abs(patch_of(lake, focus=(0.3, 0.0)).elevation).max() > 1e-4

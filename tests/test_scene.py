@@ -129,7 +129,10 @@ def test_the_stone_of_the_clanet_scene_is_the_disc_of_the_oracle(clanet_scene, c
 # --- refusals --------------------------------------------------------------------------------------
 
 BAD_SETTINGS = [
-    (numeric("spinn", 1), r"unknown setting 'mjskip.spinn'; known are mjskip\.air_density, .*"),
+    (
+        numeric("spinn", 1),
+        r"unknown setting 'mjskip.spinn'; known are mjskip\.added_mass, mjskip\.afloat, .*",
+    ),
     (
         '<numeric name="mjskip_speed" data="3"/>',
         r"'mjskip_speed' would be ignored: begin it with 'mjskip\.'",
@@ -173,7 +176,7 @@ def test_settings_of_others_are_none_of_our_business(scene):
 
 
 def test_a_scene_that_is_missing_is_refused_with_those_that_are_shipped(tmp_path):
-    with pytest.raises(SceneError, match=r"no scene 'pond': .*clanet_disc, duel, lake"):
+    with pytest.raises(SceneError, match=r"no scene 'pond': .*boat, .*clanet_disc, .*duel, lake"):
         load_scene("pond")
     with pytest.raises(SceneError, match="is a folder: give an MJCF file"):
         load_scene(tmp_path)

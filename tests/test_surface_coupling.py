@@ -361,6 +361,19 @@ def test_splitting_keeps_area_and_centroid_and_leaves_no_long_edge():
     assert moment == pytest.approx(np.einsum("nij,n->j", old, old_areas), abs=1e-12)
 
 
+@pytest.mark.parametrize("law", [n for n in MONOTONE if LAWS[n].forward])
+def test_loads_act_on_the_body_however_steep_the_waves(law):
+    """A face's centroid may lie above a surface that dips between its corners."""
+    rng, stones = np.random.default_rng(11), shapes()
+    solver = coupled(stones, "waves", law=law)
+    for _ in range(100):
+        z, before = waves(rng, height=0.02)
+        pool = Pool("waves", z, before, timestep=2e-4)
+        found = solver.loads(states_of(thrown(rng, stones), stones), pool.surface, pool.dt)
+        reach = np.array([stone.radius for stone in stones])[found.bodies]
+        assert (np.linalg.norm(found.arms, axis=1) <= reach * (1 + 1e-9)).all()
+
+
 def test_a_law_that_pulls_along_the_face_is_refused():
     with pytest.raises(ValueError, match=r"bocquet2003.*use one of lee2010"):
         coupling.check_law("bocquet2003")

@@ -81,6 +81,16 @@ def stack_doubles(typingctx: Any, count: Any) -> Any:
 
 
 @intrinsic
+def as_ints(typingctx: Any, address: Any) -> Any:
+    """Address of 32-bit integers as a pointer that indexes like a C array."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.inttoptr(args[0], ir.IntType(32).as_pointer())
+
+    return types.CPointer(types.int32)(types.int64), codegen
+
+
+@intrinsic
 def as_words(typingctx: Any, address: Any) -> Any:
     """Address of 64-bit integers as a pointer that indexes like a C array."""
 

@@ -19,7 +19,9 @@ COMMANDS = {
     "plot": "A page of curves about saved throws (extra: plot).",
     "play": "A page in the browser where you throw (extra: play).",
     "view": "MuJoCo's own viewer with the water, live.",
+    "hydro": "Added mass, damping, natural periods and responses of what floats in a model.",
     "inspect": "What is wet in a model and why, how it floats, and what that costs.",
+    "laws": "Which force law for what body, and the error to expect.",
     "info": "Versions, OpenGL renderer, ffmpeg, threads, shipped scenes.",
 }
 """Each is a module of this package with a click command of the same name."""

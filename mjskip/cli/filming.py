@@ -23,11 +23,13 @@ from mjskip.draw.render import (
     is_software,
     render_frames,
     render_video,
+    surface_frames,
 )
 from mjskip.draw.video import check_video_path
 from mjskip.files import check_folder
 from mjskip.throws.scene import Scene
 from mjskip.throws.trajectory import Trajectory
+from mjskip.waves.recording import SurfaceFrames
 
 F = TypeVar("F", bound=Callable[..., Any])
 FILE = click.Path(path_type=Path)
@@ -116,6 +118,11 @@ def check_stage(scene: Scene, options: Mapping[str, Any]) -> None:
         check_camera(scene.model, options["camera"])
     if options["side_by_side"]:
         duel_of(scene, dict.fromkeys(scene.throws))  # type: ignore[arg-type]
+
+
+def film_frames(options: Mapping[str, Any]) -> SurfaceFrames | None:
+    """The moments of the water that are drawn; None if nothing is."""
+    return surface_frames(_shot(options)) if _draws(options) else None
 
 
 def film(scene: Scene, trajectories: Mapping[str, Trajectory], options: Mapping[str, Any]) -> None:

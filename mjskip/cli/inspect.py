@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import json
 import warnings
+from dataclasses import replace
 from pathlib import Path
-from typing import get_args
+from typing import Any
 
 import click
 
 from mjskip.coupling.attach import Coupling
 from mjskip.coupling.loading import load_model
-from mjskip.coupling.report import Report, report_of
-from mjskip.coupling.wet import HullOptions, Interior
+from mjskip.coupling.plugin import plugin_settings
+from mjskip.coupling.selection import GeomRule
+from mjskip.coupling.wet import INTERIORS, HullOptions
 from mjskip.errors import MjskipWarning
 from mjskip.hydro.water import Water
 
@@ -21,55 +23,53 @@ from mjskip.hydro.water import Water
 @click.argument("model", type=click.Path(path_type=Path))
 @click.option("--bodies", metavar="RULE", help='Names, "all", or "group N".  [default: free trees]')
 @click.option("--geoms", metavar="RULE", help='Names, "all", "collision", or "group N".')
-@click.option("--density", type=float, default=1000.0, show_default=True, metavar="KG/M3")
-@click.option("--resolution", type=int, default=HullOptions.resolution, show_default=True)
-@click.option("--max-faces", type=int, default=HullOptions.max_faces, show_default=True)
+@click.option("--density", type=float, metavar="KG/M3", help="Of the water.  [default: 1000]")
 @click.option(
-    "--interior", type=click.Choice(get_args(Interior)), default="flooded", show_default=True
+    "--resolution", type=int, help=f"Segments of round geoms.  [default: {HullOptions.resolution}]"
 )
+@click.option(
+    "--max-faces", type=int, help=f"Of one hull; 0 for all.  [default: {HullOptions.max_faces}]"
+)
+@click.option("--interior", type=click.Choice(INTERIORS), help="Of open boats.  [default: flooded]")
 @click.option("--strict", is_flag=True, help="Refuse open meshes instead of taking convex hulls.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout.")
 def inspect(
     model: Path,
     bodies: str | None,
     geoms: str | None,
-    density: float,
-    resolution: int,
-    max_faces: int,
-    interior: Interior,
-    strict: bool,
+    density: float | None,
     as_json: bool,
+    **options: Any,
 ) -> None:
-    """Which geoms of MODEL (an MJCF file) are wet and why, how it floats, and what that costs."""
-    report = inspect_model(
-        model,
-        bodies=bodies,
-        geoms=geoms,
-        water=Water.floating(density=density),
-        options=HullOptions(
-            resolution=resolution, max_faces=max_faces, interior=interior, strict=strict
-        ),
+    """Which geoms of MODEL (an MJCF file) are wet and why, how it floats, and what that costs.
+
+    Where bodies carry the plugin mjskip.water, its keys hold unless an option says otherwise.
+    """
+    given = {key: value for key, value in options.items() if value}
+    if options["max_faces"] is not None:
+        given["max_faces"] = options["max_faces"]
+    compiled = load_model(model)
+    told = next(
+        (found for b in range(1, compiled.nbody) if (found := plugin_settings(compiled, b))), None
     )
-    click.echo(json.dumps(report.to_dict()) if as_json else str(report))
-
-
-def inspect_model(
-    file: Path, *, bodies: str | None, geoms: str | None, water: Water, options: HullOptions
-) -> Report:
-    """The report of an MJCF file; what is doubtful stands in it and not among the warnings."""
-    compiled = load_model(file)
-    with warnings.catch_warnings():
+    base, water = (told.options, told.water) if told else (HullOptions(), Water.floating())
+    if told is not None and geoms is None:
+        rule: GeomRule = told.geoms
+    else:
+        rule = _rule(geoms)
+    if density is not None:
+        water = replace(water, density=density)
+    with warnings.catch_warnings():  # what is doubtful stands in the report
         warnings.simplefilter("ignore", MjskipWarning)
-        coupling = Coupling(
+        report = Coupling(
             compiled,
             None,
             water,
             bodies=_rule(bodies),
-            geoms=_rule(geoms),
-            options=options,
-            native=True,
-        )
-        return report_of(coupling)
+            geoms=rule,
+            options=replace(base, **given),
+        ).report()
+    click.echo(json.dumps(report.to_dict()) if as_json else str(report))
 
 
 def _rule(text: str | None) -> str | list[str | int] | None:

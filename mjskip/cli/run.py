@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,14 @@ from rich.table import Table
 
 from mjskip import __version__
 from mjskip.cli.console import err, out, plain_table, preparing
-from mjskip.cli.filming import FILMING, check_film, check_stage, film, film_options
+from mjskip.cli.filming import (
+    FILMING,
+    check_film,
+    check_stage,
+    film,
+    film_frames,
+    film_options,
+)
 from mjskip.cli.options import (
     chosen_limits,
     chosen_scene,
@@ -19,7 +27,7 @@ from mjskip.cli.options import (
     surface_option,
     throw_options,
     timestep_option,
-)  # fmt: skip
+)
 from mjskip.files import check_target
 from mjskip.throws.report import COLUMNS, skip_rows
 from mjskip.throws.scene import Scene
@@ -39,7 +47,6 @@ from mjskip.throws.trajectory import ENDS, Trajectory
 @timestep_option
 @limit_options
 @surface_option
-@click.option("--own-dent", is_flag=True, help="Over waves, stones feel their own dent too.")
 @click.option("--frozen-attitude", is_flag=True, help="No spin, and the stone cannot turn.")
 @film_options
 @click.option("--save", type=click.Path(path_type=Path), metavar="FILE", help="Write NetCDF.")
@@ -53,7 +60,6 @@ def run(
     duration: float,
     max_contact: float,
     surface: Any,
-    own_dent: bool,
     frozen_attitude: bool,
     save: Path | None,
     as_json: bool,
@@ -61,8 +67,6 @@ def run(
 ) -> None:
     """Throw the stone of SCENE (an MJCF file or a shipped scene) and count its skips."""
     filming = {name: options.pop(name) for name in FILMING}
-    if own_dent and surface != "waves":
-        raise ValueError("--own-dent is about moving water: give --surface waves too")
     check_film(filming)
     if save is not None:
         if save.suffix != ".nc":
@@ -80,7 +84,7 @@ def run(
             limits=limits,
             frozen_attitude=frozen_attitude,
             surface=surface,
-            own_dent=own_dent,
+            record=film_frames(filming),
         )
     chosen = trajectories[scene.body]
     if as_json:
@@ -88,7 +92,7 @@ def run(
     else:
         for trajectory in trajectories.values():
             out.print(headline(scene, trajectory))
-            if trajectory.contacts:
+            if trajectory.contacts and not scene.afloat:
                 out.print(skip_table(trajectory))
             out.print(verdict(trajectory))
     if save is not None:
@@ -138,6 +142,8 @@ def headline(scene: Scene, trajectory: Trajectory) -> str:
     """One line: the stone and its throw."""
     name = trajectory.attributes["body"]
     throw, stone = trajectory.attributes["throw"], scene.stones[name]
+    if trajectory.attributes.get("afloat"):
+        return f"[bold]{name}[/] ({stone.mass:.3g} kg, {len(stone.faces)} triangles) afloat"
     text = {key: PARAMETERS[key].text_of(value) for key, value in throw.items()}
     return (
         f"[bold]{name}[/] ({1e3 * stone.mass:.3g} g, {len(stone.faces)} triangles) "
@@ -149,8 +155,12 @@ def verdict(trajectory: Trajectory) -> str:
     """One line: how many skips, and how it ended."""
     skips = trajectory.skips
     wall = trajectory.attributes["wall_seconds"]
+    outcome = f"[bold green]{skips} skip{'' if skips == 1 else 's'}[/], "
+    if trajectory.attributes.get("afloat"):
+        away = math.dist(trajectory.x[-1][:2], trajectory.x[0][:2])
+        outcome = f"[bold green]{away:.3g} m[/] from where it began, "
     return (
-        f"[bold green]{skips} skip{'' if skips == 1 else 's'}[/], {ENDS[trajectory.end]}\n"
+        f"{outcome}{ENDS[trajectory.end]}\n"
         f"[dim]{trajectory.attributes['engine']} {trajectory.attributes['integrator']}, "
         f"{1e3 * trajectory.attributes['timestep']:g} ms steps, "
         f"{trajectory.time[-1]:.2f} s simulated in {wall:.2f} s[/]\n"

@@ -16,20 +16,16 @@ under the integrator's mean of the loads that it evaluated last: 1/6, 1/3, 1/3, 
 A *surface* is a record of this process, see the constants; `arguments` are words.
 """
 
-import ctypes
 import math
 from typing import Any
 
 import numba
 import numpy as np
-from llvmlite import binding
-from numba import types
 
 from mjskip._compile.jit import kernel
-from mjskip._compile.pointers import address_of, as_doubles, as_words, bits, stack_doubles
+from mjskip._compile.pointers import as_doubles, as_ints, as_words, bits, stack_doubles
 from mjskip.coupling import _plugin_kernels as plugin
 from mjskip.coupling._plugin_kernels import (
-    as_ints,
     doubles,
     ints,
     is_head,
@@ -39,7 +35,6 @@ from mjskip.coupling._plugin_kernels import (
     wets_below,
 )
 from mjskip.coupling._record_kernels import RECORD
-from mjskip.coupling._struct_layout import library
 from mjskip.hydro import _block as hydro
 from mjskip.hydro._clip_kernels import immersed_part
 from mjskip.waves import _coupling_kernels as coupling
@@ -70,13 +65,7 @@ TOLERANCE = 1e-9
 
 RK4 = 1  # mjtIntegrator
 SITE = 6  # mjtObj
-GEOM_TRIANGLE, GEOM_ARROW = 108, 100  # mjtGeom
-
 INSTANCE, CAPABILITY, RECORDS, SCENE, ARGUMENTS = 0, 1, 2, 3, 4
-
-binding.add_symbol("mjv_initGeom", ctypes.cast(library.mjv_initGeom, ctypes.c_void_p).value)
-i4, i8 = types.int32, types.int64
-mjv_initGeom = types.ExternalFunction("mjv_initGeom", types.void(i8, i4, i8, i8, i8, i8))
 
 
 @kernel
@@ -86,14 +75,14 @@ def state_size(cells: int) -> int:
 
 
 @kernel
-def _state_of(table: Any, model: int, data: int, instance: int, cells: int) -> Any:
+def state_of(table: Any, model: int, data: int, instance: int, cells: int) -> Any:
     start = ints(table, model, plugin.PLUGIN_STATEADR)[instance]
     address = as_words(data + table[plugin.PLUGIN_STATE])[0] + 8 * start
     return numba.carray(as_doubles(address), state_size(cells))
 
 
 @kernel
-def _water_of(surface: int) -> Any:
+def water_of(surface: int) -> Any:
     return numba.carray(as_doubles(surface + 8 * SURFACE), int(as_doubles(surface)[WATER_SIZE]))
 
 
@@ -177,7 +166,7 @@ def _frame_of(water: Any, state: Any) -> Any:
 @kernel
 def couple(surface: int, state: Any, ids: Any, states: Any, wrenches: Any, timestep: float) -> Any:
     """Loads on all wet bodies at once, added to their wrenches (n, 12): faces and loads (m,), m."""
-    numbers, water, profile = as_doubles(surface), _water_of(surface), _profile_of(surface)
+    numbers, water, profile = as_doubles(surface), water_of(surface), _profile_of(surface)
     n = int(water[window.CELLS])
     level, rate = window.plane(state, n, 0), window.plane(state, n, 2)
     frame = _frame_of(water, state)
@@ -266,7 +255,7 @@ def _place(water: Any, state: Any, table: Any, model: int, data: int, instance: 
 
 
 @kernel
-def _timestep(table: Any, model: int) -> Any:
+def timestep_of(table: Any, model: int) -> Any:
     return as_doubles(model + table[plugin.TIMESTEP])[0]
 
 
@@ -289,12 +278,12 @@ def moving_compute(model: int, data: int, arguments: int) -> None:
     words = as_words(arguments)
     instance, capability, surface = words[INSTANCE], words[CAPABILITY], words[RECORDS]
     scratch = stack_doubles(plugin.LOAD_SCRATCH)
-    water = _water_of(surface)
+    water = water_of(surface)
     cells = int(water[window.CELLS])
-    state = _state_of(table, model, data, instance, cells)
+    state = state_of(table, model, data, instance, cells)
     if state[window.STATE + 3 * cells * cells + PLACED] == 0.0:
         _place(water, state, table, model, data, instance)
-    timestep = _timestep(table, model)
+    timestep = timestep_of(table, model)
     if capability & plugin.PASSIVE:
         ids, states, wrenches = gather(table, model, data, instance, True, scratch)
         faces, loads, count = couple(surface, state, ids, states, wrenches, timestep)
@@ -339,7 +328,7 @@ def _sense(
     out = as_words(data + table[plugin.SENSORDATA])[0]
     out += 8 * ints(table, model, plugin.SENSOR_ADR)[sensor]
     reading = as_doubles(out)
-    water = _water_of(surface)
+    water = water_of(surface)
     cells = int(water[window.CELLS])
     frame, level = _frame_of(water, state), window.plane(state, cells, 0)
     below = wets_below(table, model, instance)
@@ -394,11 +383,11 @@ def moving_advance(model: int, data: int, arguments: int) -> None:
     table = as_words(plugin.root_address())
     words = as_words(arguments)
     instance, surface = words[INSTANCE], words[RECORDS]
-    numbers, water = as_doubles(surface), _water_of(surface)
+    numbers, water = as_doubles(surface), water_of(surface)
     cells = int(water[window.CELLS])
-    state = _state_of(table, model, data, instance, cells)
+    state = state_of(table, model, data, instance, cells)
     tail = state[window.STATE + 3 * cells * cells :]
-    timestep = _timestep(table, model)
+    timestep = timestep_of(table, model)
     parts = max(1, math.ceil(timestep / (0.95 * numbers[MAX_TIMESTEP])))
     stages = int(min(tail[EVALUATIONS], 1e9))
     integrator = as_ints(model + table[plugin.INTEGRATOR])[0]
@@ -476,152 +465,3 @@ def _press_ring(
     coupling.spread_bumps(faces, count, frame, numbers[LOAD_RADIUS], everywhere, side, spots)
     for k in range(count):
         coupling.add_spot(spots[k], side, scale * ring[3 + LOAD * k], potential)
-
-
-MOST_TRIANGLES = 4000
-"""Of a drawn surface."""
-SKIRT = 8.0
-"""Half width of the still water that is drawn round the window, in half widths of that."""
-
-
-@kernel
-def _nodes(cells: int, stride: int, out: Any) -> int:
-    """Places of grid lines in cells: every `stride` in the middle half, four times as far outside, and the skirt."""
-    count = 1
-    middle = 0.5 * (cells - 1)
-    out[0] = middle - SKIRT * middle
-    place = 0.0
-    while place < cells - 1:
-        out[count] = place
-        count += 1
-        inside = 0.25 * cells <= place < 0.75 * cells
-        place += stride if inside else 4 * stride
-    out[count] = cells - 1
-    out[count + 1] = middle + SKIRT * middle
-    return count + 2
-
-
-@kernel
-def _next_geom(table: Any, scene: int) -> Any:
-    """Address of a free geom of the scene, which is counted; 0 if there is none."""
-    count = as_ints(scene + table[plugin.SCENE_NGEOM])
-    if count[0] >= as_ints(scene + table[plugin.SCENE_MAXGEOM])[0]:
-        return 0
-    geom = as_words(scene + table[plugin.SCENE_GEOMS])[0] + table[plugin.GEOM_BYTES] * count[0]
-    count[0] += 1
-    return geom
-
-
-@kernel
-def _draw_triangle(
-    table: Any, scene: int, rgba: int, size_at: int, pos_at: int, mat_at: int,
-    ax: float, ay: float, az: float, bx: float, by: float, bz: float, cx: float, cy: float, cz: float,
-) -> None:  # fmt: skip
-    """Triangle a, b, c: MuJoCo's has corners at the origin and at one on the first and second axes."""
-    geom = _next_geom(table, scene)
-    if geom == 0:
-        return
-    sizes, pos, mat = as_doubles(size_at), as_doubles(pos_at), as_doubles(mat_at)
-    sizes[0] = sizes[1] = sizes[2] = 1.0
-    pos[0], pos[1], pos[2] = ax, ay, az
-    ux, uy, uz, vx, vy, vz = bx - ax, by - ay, bz - az, cx - ax, cy - ay, cz - az
-    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    norm = math.sqrt(nx * nx + ny * ny + nz * nz)
-    mat[0], mat[1], mat[2] = ux, vx, nx / norm
-    mat[3], mat[4], mat[5] = uy, vy, ny / norm
-    mat[6], mat[7], mat[8] = uz, vz, nz / norm
-    mjv_initGeom(geom, GEOM_TRIANGLE, size_at, pos_at, mat_at, rgba)
-
-
-@kernel
-def _draw_arrow(
-    table: Any, scene: int, rgba: int, size_at: int, pos_at: int, mat_at: int, state: Any, wrench: Any,
-    scale: float,
-) -> None:  # fmt: skip
-    """Force of water and air on a body, from its centre of mass."""
-    fx, fy, fz = wrench[0] + wrench[6], wrench[1] + wrench[7], wrench[2] + wrench[8]
-    force = math.sqrt(fx * fx + fy * fy + fz * fz)
-    if not 0.0 < force * scale < 1e3:
-        return
-    geom = _next_geom(table, scene)
-    if geom == 0:
-        return
-    sizes, pos, mat = as_doubles(size_at), as_doubles(pos_at), as_doubles(mat_at)
-    sizes[0] = sizes[1] = min(0.02 * force * scale + 0.001, 0.01)
-    sizes[2] = force * scale
-    pos[0], pos[1], pos[2] = state[0], state[1], state[2]
-    zx, zy, zz = fx / force, fy / force, fz / force
-    # any two axes across
-    px, py, pz = (0.0, 0.0, 1.0) if abs(zz) < 0.9 else (1.0, 0.0, 0.0)
-    xx, xy, xz = py * zz - pz * zy, pz * zx - px * zz, px * zy - py * zx
-    norm = math.sqrt(xx * xx + xy * xy + xz * xz)
-    xx, xy, xz = xx / norm, xy / norm, xz / norm
-    mat[0], mat[1], mat[2] = xx, zy * xz - zz * xy, zx
-    mat[3], mat[4], mat[5] = xy, zz * xx - zx * xz, zy
-    mat[6], mat[7], mat[8] = xz, zx * xy - zy * xx, zz
-    mjv_initGeom(geom, GEOM_ARROW, size_at, pos_at, mat_at, rgba)
-
-
-@kernel
-def _draw_surface(table: Any, scene: int, water: Any, state: Any, rgba: int, numbers: int) -> None:
-    """The surface as translucent triangles on a graded grid, as fine as half of the free geoms allows."""
-    cells = int(water[window.CELLS])
-    level = window.plane(state, cells, 0)
-    spacing = water[window.SPACING]
-    x0, y0 = state[window.FIRST_I] * spacing, state[window.FIRST_J] * spacing
-    lines = np.empty(2 * cells + 8)
-    free = (
-        as_ints(scene + table[plugin.SCENE_MAXGEOM])[0]
-        - as_ints(scene + table[plugin.SCENE_NGEOM])[0]
-    )
-    stride, count = 1, _nodes(cells, 1, lines)
-    while 2 * (count - 1) * (count - 1) > min(free // 2, MOST_TRIANGLES) and stride < cells:
-        stride += 1
-        count = _nodes(cells, stride, lines)
-    if 2 * (count - 1) * (count - 1) > free:
-        return
-    heights = np.zeros((count, count))
-    for a in range(1, count - 1):
-        for b in range(1, count - 1):
-            heights[a, b] = level[int(lines[a]), int(lines[b])]
-    for a in range(count - 1):
-        xa, xb = x0 + spacing * lines[a], x0 + spacing * lines[a + 1]
-        for b in range(count - 1):
-            ya, yb = y0 + spacing * lines[b], y0 + spacing * lines[b + 1]
-            _draw_triangle(
-                table, scene, rgba, numbers, numbers + 24, numbers + 48,
-                xa, ya, heights[a, b], xb, ya, heights[a + 1, b], xb, yb, heights[a + 1, b + 1],
-            )  # fmt: skip
-            _draw_triangle(
-                table, scene, rgba, numbers, numbers + 24, numbers + 48,
-                xa, ya, heights[a, b], xb, yb, heights[a + 1, b + 1], xa, yb, heights[a, b + 1],
-            )  # fmt: skip
-
-
-def moving_draw(model: int, data: int, arguments: int) -> None:
-    """Put the surface, and arrows if they are asked for, into a scene."""
-    table = as_words(plugin.root_address())
-    words = as_words(arguments)
-    instance, surface, scene = words[INSTANCE], words[RECORDS], words[SCENE]
-    scratch = stack_doubles(plugin.LOAD_SCRATCH)
-    numbers = stack_doubles(16)
-    described = as_doubles(surface)
-    rgba = np.empty(4, np.float32)
-    moving = described[WATER_SIZE] > 0.0
-    if described[ARROWS] > 0.0:
-        ids, states, wrenches = gather(table, model, data, instance, False, scratch)
-        if moving:
-            water = _water_of(surface)
-            state = _state_of(table, model, data, instance, int(water[window.CELLS]))
-            couple(surface, state, ids, states, wrenches, _timestep(table, model))
-        rgba[0], rgba[1], rgba[2], rgba[3] = 0.9, 0.35, 0.1, 1.0
-        for b in range(ids.shape[0]):
-            _draw_arrow(
-                table, scene, address_of(rgba), numbers, numbers + 24, numbers + 48,
-                states[b], wrenches[b], described[ARROWS],
-            )  # fmt: skip
-    if moving:
-        water = _water_of(surface)
-        state = _state_of(table, model, data, instance, int(water[window.CELLS]))
-        rgba[0], rgba[1], rgba[2], rgba[3] = 0.25, 0.55, 0.75, 0.6
-        _draw_surface(table, scene, water, state, address_of(rgba), numbers)

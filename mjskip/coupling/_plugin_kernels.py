@@ -1,7 +1,8 @@
 """Engine plugin mjskip.water, compiled to C by numba: force on bodies, and sensors.
 
 Of still water the plugin keeps nothing in MjData; of water that moves (`_moving_kernels`, called by address since it is
-compiled for those that use it alone) everything, as its state. An instance wets the bodies that carry it, and what moves below them unless it
+compiled for those that use it alone) everything, as its state; and of bodies that radiate the waves of their surface
+(`_sea_kernels`, called by address too). An instance wets the bodies that carry it, and what moves below them unless it
 carries another; each such *head* has the bodies that are welded to it. At every call the content of a head (its
 geoms, mass and inertia, the text of its configuration) is hashed, and the hash finds the *record*
 (`_record_kernels`) in a table of this process. So it does not matter which model, copy of a model or data comes, from
@@ -11,7 +12,8 @@ Python, which builds its record; that happens when MjData is made, or when someb
 Of a large mesh some words are hashed at every call, with the address of the model; MjData that is made looks at all.
 
     root      addresses of the force and immersion kernels, of the builder and of the table; offsets of
-              gravity and time step in mjModel; number of the plugin; offsets of the members of mjModel and
+              gravity and time step in mjModel; number of the plugin, of its key `radiation`; addresses of what lets
+              bodies radiate (`_sea_kernels`); offsets of the members of mjModel and
               mjData below
     table     number of slots, then pairs (hash, address of the record; 0: cannot be built, 1: dry)
     request   what is asked, body, instance, hash; answer: address of the record, error message
@@ -29,6 +31,7 @@ from numba import types
 from mjskip._compile.jit import kernel
 from mjskip._compile.pointers import (
     as_doubles,
+    as_ints,
     as_words,
     bits,
     call_address,
@@ -36,13 +39,14 @@ from mjskip._compile.pointers import (
     stack_doubles,
     symbol,
 )
-from mjskip.coupling._record_kernels import BLOCK, CENTRE, NEEDED_STEP, SCRATCH, wet_load
+from mjskip.coupling._record_kernels import BLOCK, NEEDED_STEP, SCRATCH, body_state, wet_load
 from mjskip.coupling._struct_layout import library
 
 WRENCH, IMMERSION, BUILDER, TABLE, GRAVITY, TIMESTEP, SLOT, INTEGRATOR = range(8)
 MOVING_COMPUTE, MOVING_ADVANCE, MOVING_DRAW = 8, 9, 10  # 0 until an instance needs them
 SCENE_MAXGEOM, SCENE_NGEOM, SCENE_GEOMS, GEOM_BYTES = 11, 12, 13, 14
-MEMBERS = 15
+RADIATION_KEY, SEA_ACT, SEA_ADVANCE, SEA_SENSE = 15, 16, 17, 18
+MEMBERS = 19
 SLOTS, PAIRS = 0, 1
 ASK, BODY, INSTANCE, KEY, ANSWER, MESSAGE, REQUEST = 0, 1, 2, 3, 4, 5, 6
 CONFIGURATION, HULL, FRESH_HULL, DOUBTS, TOO_LARGE_STEP, SURFACE, STATE_SIZE = range(7)
@@ -63,7 +67,7 @@ MODEL_MEMBERS = (
     "geom_contype", "geom_conaffinity", "geom_group", "name_geomadr", "names",
     "mesh_vertadr", "mesh_vertnum", "mesh_vert", "mesh_faceadr", "mesh_facenum", "mesh_face",
     "plugin", "plugin_attr", "plugin_attradr",
-    "plugin_stateadr", "sensor_plugin", "sensor_adr", "sensor_objtype", "sensor_objid",
+    "plugin_stateadr", "plugin_statenum", "sensor_plugin", "sensor_adr", "sensor_objtype", "sensor_objid",
 )  # fmt: skip
 (
     NBODY, NSENSOR, NPLUGIN, NPLUGINATTR,
@@ -75,7 +79,7 @@ MODEL_MEMBERS = (
     GEOM_CONTYPE, GEOM_CONAFFINITY, GEOM_GROUP, NAME_GEOMADR, NAMES,
     MESH_VERTADR, MESH_VERTNUM, MESH_VERT, MESH_FACEADR, MESH_FACENUM, MESH_FACE,
     PLUGIN, PLUGIN_ATTR, PLUGIN_ATTRADR,
-    PLUGIN_STATEADR, SENSOR_PLUGIN, SENSOR_ADR, SENSOR_OBJTYPE, SENSOR_OBJID,
+    PLUGIN_STATEADR, PLUGIN_STATENUM, SENSOR_PLUGIN, SENSOR_ADR, SENSOR_OBJTYPE, SENSOR_OBJID,
 ) = range(MEMBERS, MEMBERS + len(MODEL_MEMBERS))  # fmt: skip
 DATA_MEMBERS = (
     "xpos", "xmat", "cvel", "cdof", "subtree_com", "qfrc_passive", "body_awake", "sensordata",
@@ -112,16 +116,6 @@ mj_warning = types.ExternalFunction("mj_warning", types.void(types.int64, types.
 
 STEP = -7046029254386353131  # 2^64 over the golden ratio, as a signed word
 HALF = 0xFFFFFFFF
-
-
-@intrinsic
-def as_ints(typingctx: Any, address: Any) -> Any:
-    """Address of 32-bit integers as a pointer that indexes like a C array."""
-
-    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return builder.inttoptr(args[0], ir.IntType(32).as_pointer())
-
-    return types.CPointer(types.int32)(types.int64), codegen
 
 
 @intrinsic
@@ -222,6 +216,17 @@ def wets_below(table: Any, model: int, instance: int) -> bool:
         byte_at(end - 6) == 0 and byte_at(end - 5) == 116 and byte_at(end - 4) == 104
         and byte_at(end - 3) == 105 and byte_at(end - 2) == 115
     )  # fmt: skip
+
+
+@kernel
+def _radiates(table: Any, model: int, instance: int) -> Any:
+    """Whether an instance lets its bodies make waves: its text of the key `radiation` is "true"."""
+    at = as_words(model + table[PLUGIN_ATTR])[0] + ints(table, model, PLUGIN_ATTRADR)[instance]
+    for _ in range(table[RADIATION_KEY]):
+        while byte_at(at) != 0:
+            at += 1
+        at += 1
+    return byte_at(at) == 116  # t
 
 
 @kernel
@@ -377,30 +382,20 @@ def load_body(table: Any, model: int, data: int, body: int, instance: int, scrat
         record = _ask(table, model, HULL, body, instance, key, scratch + 8 * AT_REQUEST)
     if record == DRY:
         return 0
-    state, wrench = as_doubles(scratch), as_doubles(scratch + 8 * AT_WRENCH)
+    wrench = as_doubles(scratch + 8 * AT_WRENCH)
     total = np.nan
     if record != CANNOT:
         known = as_doubles(record)
-        place, rotation = doubles(table, data, XPOS), doubles(table, data, XMAT)
-        moving, origin = doubles(table, data, CVEL), doubles(table, data, SUBTREE_COM)
         tree = ints(table, model, BODY_ROOTID)[body]
-        cx, cy, cz = known[CENTRE], known[CENTRE + 1], known[CENTRE + 2]
-        for i in range(9):
-            state[3 + i] = rotation[9 * body + i]
-        for i in range(3):
-            state[i] = place[3 * body + i] + (
-                state[3 + 3 * i] * cx + state[4 + 3 * i] * cy + state[5 + 3 * i] * cz
-            )
-        wx, wy, wz = moving[6 * body], moving[6 * body + 1], moving[6 * body + 2]
-        rx, ry, rz = (
-            state[0] - origin[3 * tree],
-            state[1] - origin[3 * tree + 1],
-            state[2] - origin[3 * tree + 2],
+        body_state(
+            as_words(data + table[XPOS])[0],
+            as_words(data + table[XMAT])[0],
+            as_words(data + table[CVEL])[0],
+            as_words(data + table[SUBTREE_COM])[0] + 24 * tree,
+            body,
+            record,
+            scratch,
         )
-        state[12] = moving[6 * body + 3] + (wy * rz - wz * ry)
-        state[13] = moving[6 * body + 4] + (wz * rx - wx * rz)
-        state[14] = moving[6 * body + 5] + (wx * ry - wy * rx)
-        state[15], state[16], state[17] = wx, wy, wz
         weights = doubles(table, model, BODY_INVWEIGHT0)
         needed = wet_load(
             table[WRENCH], record, scratch, scratch + 8 * AT_WRENCH, scratch + 8 * AT_LOAD,
@@ -485,6 +480,11 @@ def _sense(table: Any, model: int, data: int, instance: int, sensor: int, scratc
         if not is_head(table, model, body, instance, below):
             continue
         record = load_body(table, model, data, body, instance, scratch)
+        carries = ints(table, model, BODY_PLUGIN)[body] == instance
+        if record != 0 and carries and _radiates(table, model, instance):
+            as_words(scratch + 8 * AT_REQUEST)[BODY] = body
+            as_words(scratch + 8 * AT_REQUEST)[INSTANCE] = instance
+            call_address(table[SEA_SENSE], model, data, scratch + 8 * AT_WRENCH)
         for i in range(6):
             reading[at + i] = wrench[i] + wrench[6 + i] if record != 0 else 0.0
         if record != 0:
@@ -495,9 +495,11 @@ def _sense(table: Any, model: int, data: int, instance: int, sensor: int, scratc
 
 
 def nstate(model: int, instance: int) -> int:
-    """Doubles of state: of a surface that moves, its window and loads; of still water none."""
+    """Doubles of state: of a surface that moves, or on which bodies radiate; of still water none."""
     request = stack_doubles(REQUEST)
     found: int = _ask(as_words(root_address()), model, STATE_SIZE, -1, instance, 0, request)
+    if as_words(request)[MESSAGE] != 0:
+        mju_error(as_words(request)[MESSAGE])  # does not return
     return found
 
 
@@ -538,11 +540,9 @@ def init(model: int, data: int, instance: int) -> int:
 
 def reset(model: int, state: int, stored: int, instance: int) -> None:
     """Still water: also when a keyframe is loaded, since MuJoCo resets first."""
-    surface = _surface(as_words(root_address()), model, instance, stack_doubles(REQUEST))
-    if _moves(surface):
-        numbers = as_doubles(state)
-        for i in range(int(as_doubles(surface)[STATE_DOUBLES])):
-            numbers[i] = 0.0
+    table, numbers = as_words(root_address()), as_doubles(state)
+    for i in range(ints(table, model, PLUGIN_STATENUM)[instance]):
+        numbers[i] = 0.0
 
 
 def compute(model: int, data: int, instance: int, capability: int) -> None:
@@ -555,11 +555,16 @@ def compute(model: int, data: int, instance: int, capability: int) -> None:
         arguments[0], arguments[1], arguments[2] = instance, capability, surface
         call_address(table[MOVING_COMPUTE], model, data, scratch)
         return
+    radiates = _radiates(table, model, instance)
     if capability & PASSIVE:
+        if radiates:
+            call_address(table[SEA_ACT], model, data, instance)
         below = wets_below(table, model, instance)
         awake = ints(table, data, BODY_AWAKE)
+        carrier = ints(table, model, BODY_PLUGIN)
         for body in range(1, size(table, model, NBODY)):
             mine = awake[body] != ASLEEP and is_head(table, model, body, instance, below)
+            mine = mine and not (radiates and carrier[body] == instance)
             if mine and load_body(table, model, data, body, instance, scratch) != 0:
                 push(table, model, data, body, scratch)
     if capability & SENSOR:
@@ -572,6 +577,9 @@ def compute(model: int, data: int, instance: int, capability: int) -> None:
 def advance(model: int, data: int, instance: int) -> None:
     """Step a surface that moves, once after every step of MuJoCo's."""
     table = as_words(root_address())
+    if _radiates(table, model, instance):
+        call_address(table[SEA_ADVANCE], model, data, instance)
+        return
     scratch = stack_doubles(REQUEST)
     surface = _surface(table, model, instance, scratch)
     if _moves(surface):

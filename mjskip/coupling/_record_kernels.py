@@ -4,9 +4,12 @@ A *record* of doubles is what both doors, `attach` and the plugin, know a wet bo
 
     block         address of the block that the force kernel knows it by, as the bits of a double
     centre        of mass, in the body that the force acts on (3) [m]
-    inverse mass, mean and greatest inverse inertia, inverse inertia (9, axes of the body)
+    inverse mass, mean inverse inertia, inverse inertia (9, axes of the body)
                   of the bodies welded together; zero if they are massless
-    drag bound    rho c A + rho_air S: no drag at a speed V exceeds this times V^2 [kg/m]
+    arm mobility  greatest (r x n).I^-1 (r x n) of its surface, r from the centre of mass [1/kg]; the greatest
+                  |r x n|^2 [m^2] if they are massless
+    drag areas    rho c A / 2 [kg/m], rho c sum S |r x n| [kg] of the water, rho_air S_disc [kg/m] of the air
+    reach         of the farthest point from the centre of mass [m]
     bearing       density of the water if it bears, or 0 [kg/m^3]
     dissipates    1 if every loaded face takes energy: the gate is local and no law lifts
     needed step   shortest time step that this body asked for [s]; infinite while none was too large
@@ -37,19 +40,55 @@ BLOCK = 0
 CENTRE = 1
 INVERSE_MASS = 4
 MEAN_INVERSE_INERTIA = 5
-MAX_INVERSE_INERTIA = 6
-INVERSE_INERTIA = 7
-DRAG_BOUND = 16
-REACH = 17  # of the farthest point from the centre of mass [m]
-BEARING = 18
-DISSIPATES = 19
-NEEDED_STEP = 20
-RECORD = 21
+INVERSE_INERTIA = 6
+ARM_MOBILITY = 15
+MOVING_DRAG = 16
+TURNING_DRAG = 17
+AIR_DRAG = 18
+REACH = 19
+BEARING = 20
+DISSIPATES = 21
+NEEDED_STEP = 22
+RECORD = 23
 
 STATE = 18
 WRENCH = 12
 SCRATCH = STATE + WRENCH
 """Doubles that `wet_load` needs for itself."""
+
+
+@kernel
+def body_state(
+    places: int, axes: int, motions: int, origin: int, body: int, record: int, state: int
+) -> None:
+    """State (18) of a wet body for the force kernel, from MuJoCo's arrays.
+
+    Args:
+        places: address of xpos.
+        axes: address of xmat.
+        motions: address of cvel, which is about `origin`.
+        origin: address of the centre of mass of the body's tree (3).
+        body: its id.
+        record: address of its record.
+        state: address of what is written.
+    """
+    known, pose = as_doubles(record), as_doubles(state)
+    place, rotation = as_doubles(places + 24 * body), as_doubles(axes + 72 * body)
+    moving, middle = as_doubles(motions + 48 * body), as_doubles(origin)
+    for i in range(9):
+        pose[3 + i] = rotation[i]
+    for i in range(3):
+        pose[i] = place[i] + (
+            rotation[3 * i] * known[CENTRE]
+            + rotation[3 * i + 1] * known[CENTRE + 1]
+            + rotation[3 * i + 2] * known[CENTRE + 2]
+        )
+    wx, wy, wz = moving[0], moving[1], moving[2]
+    rx, ry, rz = pose[0] - middle[0], pose[1] - middle[1], pose[2] - middle[2]
+    pose[12] = moving[3] + (wy * rz - wz * ry)
+    pose[13] = moving[4] + (wz * rx - wx * rz)
+    pose[14] = moving[5] + (wx * ry - wy * rx)
+    pose[15], pose[16], pose[17] = wx, wy, wz
 
 
 @kernel
@@ -77,25 +116,35 @@ def wet_load(
         header[WEIGHT_DENSITY] = known[BEARING] * gravity
     call_address(wrench, block, state, out)
 
-    # greatest inverse inertia of the body in its tree
-    per_mass, per_inertia = 3.0 * mobility, 3.0 * turning
+    # inverse inertia of the body in its tree
+    per_mass, share = 3.0 * mobility, 3.0 * turning
     if known[INVERSE_MASS] > 0.0:
         per_mass = min(per_mass, known[INVERSE_MASS])
-    share = 1.0
     if known[MEAN_INVERSE_INERTIA] > 0.0:
-        share = min(per_inertia / known[MEAN_INVERSE_INERTIA], 1.0)
-        per_inertia = share * known[MAX_INVERSE_INERTIA]
+        share = min(share / known[MEAN_INVERSE_INERTIA], 1.0)
 
-    # whether any drag can be too much: F <= bound V^2, and no face is faster than V
-    pose = as_doubles(state)
-    reach = known[REACH]
+    # No load is too large while h mu sum |F| / V <= 1, by Cauchy and Schwarz: sum S V_n^2 over closed surfaces
+    # is less than V_n times (V A / 2 + omega sum S |r x n|), and mu = n.M^-1 n is greatest where the arm is.
+    pose, load = as_doubles(state), as_doubles(out)
     speed = math.sqrt(pose[12] * pose[12] + pose[13] * pose[13] + pose[14] * pose[14])
-    speed += reach * math.sqrt(pose[15] * pose[15] + pose[16] * pose[16] + pose[17] * pose[17])
-    most = timestep * known[DRAG_BOUND] * speed * (per_mass + reach * reach * per_inertia)
+    turn = math.sqrt(pose[15] * pose[15] + pose[16] * pose[16] + pose[17] * pose[17])
+    drag = known[AIR_DRAG] * (speed + known[REACH] * turn)
+    if load[0] != 0.0 or load[1] != 0.0 or load[2] != 0.0:
+        drag += known[MOVING_DRAG] * speed + known[TURNING_DRAG] * turn
+    most = timestep * drag * (per_mass + share * known[ARM_MOBILITY])
     if not most > 1.0 or bits(header[SURFACE]) != 0:
         return np.inf
     return _limit(
-        wrench, block, state, out, scratch, timestep, speed, known, per_mass, share, per_inertia
+        wrench,
+        block,
+        state,
+        out,
+        scratch,
+        timestep,
+        speed + known[REACH] * turn,
+        known,
+        per_mass,
+        share,
     )
 
 
@@ -112,7 +161,7 @@ def _keep(load: Any, static: Any, part: float) -> float:
 @kernel
 def _limit(
     wrench: int, block: int, state: int, out: int, scratch: int,
-    timestep: float, speed: float, known: Any, per_mass: float, share: float, per_inertia: float,
+    timestep: float, speed: float, known: Any, per_mass: float, share: float,
 ) -> float:  # fmt: skip
     """Scale the drag in a wrench (12) so that it ends the motion along it at most."""
     pose, load = as_doubles(state), as_doubles(out)
@@ -129,12 +178,20 @@ def _limit(
     tx = load[3] + load[9] - static[3]
     ty = load[4] + load[10] - static[4]
     tz = load[5] + load[11] - static[5]
+    # torque in body axes, and the turn that it makes
+    bx = pose[3] * tx + pose[6] * ty + pose[9] * tz
+    by = pose[4] * tx + pose[7] * ty + pose[10] * tz
+    bz = pose[5] * tx + pose[8] * ty + pose[11] * tz
+    ax, ay, az = share * bx, share * by, share * bz
+    if known[MEAN_INVERSE_INERTIA] > 0.0:
+        k = INVERSE_INERTIA
+        ax = share * (known[k] * bx + known[k + 1] * by + known[k + 2] * bz)
+        ay = share * (known[k + 3] * bx + known[k + 4] * by + known[k + 5] * bz)
+        az = share * (known[k + 6] * bx + known[k + 7] * by + known[k + 8] * bz)
     if known[DISSIPATES] == 0.0:
-        force, torque = (
-            math.sqrt(fx * fx + fy * fy + fz * fz),
-            math.sqrt(tx * tx + ty * ty + tz * tz),
-        )
-        change = timestep * (per_mass * force + known[REACH] * per_inertia * torque)
+        change = per_mass * math.sqrt(fx * fx + fy * fy + fz * fz)
+        change += known[REACH] * math.sqrt(ax * ax + ay * ay + az * az)
+        change *= timestep
         keep = speed / change if change > speed and change < np.inf else np.inf
         return _keep(load, static, keep) * timestep
     power = -(
@@ -145,22 +202,7 @@ def _limit(
         + ty * pose[16]
         + tz * pose[17]
     )
-    # torque in body axes, through the inverse inertia
-    bx = pose[3] * tx + pose[6] * ty + pose[9] * tz
-    by = pose[4] * tx + pose[7] * ty + pose[10] * tz
-    bz = pose[5] * tx + pose[8] * ty + pose[11] * tz
-    if known[MEAN_INVERSE_INERTIA] > 0.0:
-        k = INVERSE_INERTIA
-        turned = share * (
-            bx * (known[k] * bx + known[k + 1] * by + known[k + 2] * bz)
-            + by * (known[k + 3] * bx + known[k + 4] * by + known[k + 5] * bz)
-            + bz * (known[k + 6] * bx + known[k + 7] * by + known[k + 8] * bz)
-        )
-    else:
-        turned = per_inertia * (bx * bx + by * by + bz * bz)
-    change = timestep * (per_mass * (fx * fx + fy * fy + fz * fz) + turned)
-    return (
-        timestep * _keep(load, static, power / change)
-        if change > power and power > 0.0 and change < np.inf
-        else np.inf
-    )
+    change = per_mass * (fx * fx + fy * fy + fz * fz) + ax * bx + ay * by + az * bz
+    change *= timestep
+    keep = power / change if change > power and power > 0.0 and change < np.inf else np.inf
+    return _keep(load, static, keep) * timestep

@@ -208,8 +208,8 @@ def check(data_members: Iterable[str]) -> None:
     if wrong:
         raise MjskipError(
             f"MuJoCo {mujoco.mj_versionString()} keeps {', '.join(wrong[:3])} elsewhere than its "
-            "introspection says, so plugin mjskip.water cannot run with it: use mjskip.attach(), which "
-            "does not depend on it"
+            "introspection says, so compiled water cannot run with it: use mjskip.attach(native=False), "
+            "which does not depend on it"
         )
 
 
@@ -224,7 +224,7 @@ def _misplaced(struct: str, owner: Any, names: Iterable[str]) -> list[str]:
             if ctypes.c_uint64.from_address(at).value != shown.ctypes.data:
                 wrong.append(name)
         elif (
-            isinstance(shown, int)
+            isinstance(shown, int | float)
             and member.kind in DTYPES
             and _array(at, member.kind, (1,))[0] != shown
         ):

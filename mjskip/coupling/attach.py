@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import sys
 import warnings
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from types import TracebackType
 from typing import Any
 
 import mujoco
 import numpy as np
+import numpy.typing as npt
 
 from mjskip._typing import Array
 from mjskip.checks import check_type, fault
@@ -16,12 +19,21 @@ from mjskip.coupling import callback
 from mjskip.coupling.bodies import body_name, find_body
 from mjskip.coupling.plugin import plugin_water
 from mjskip.coupling.records import doubts, make_record, too_large_step
+from mjskip.coupling.sea import (
+    FloatingHull,
+    SeaSurface,
+    attach_surface,
+    detach_surface,
+    enlist_surface,
+    finer,
+)
 from mjskip.coupling.selection import BodyRule, GeomRule, WetBody, select
 from mjskip.coupling.wet import BuiltHull, HullOptions, Inertia, Interior, hull_of, inertia_of
 from mjskip.errors import CouplingError, DivergedError, MjskipWarning, SceneError
 from mjskip.hydro import primitives
 from mjskip.hydro.hull import Hull
 from mjskip.hydro.hydrostatics import Hydrostatics, hydrostatics
+from mjskip.hydro.seas import Sea
 from mjskip.hydro.water import Water
 from mjskip.hydro.wrench import Wrench, pack, wrench_of
 from mjskip.rigid.state import pack_states
@@ -49,14 +61,19 @@ class Coupling:
         data: mujoco.MjData | None,
         water: Water,
         *,
-        bodies: BodyRule,
-        geoms: GeomRule,
-        options: HullOptions,
-        native: bool,
+        bodies: BodyRule = None,
+        geoms: GeomRule = None,
+        options: HullOptions | None = None,
+        native: bool = True,
+        sea: Sea | None = None,
     ) -> None:
         """Choose what is wet and prepare it; `open` lets the water act."""
         _check_arguments(model, data, water)
-        self.model, self.water, self.options = model, water, options
+        _check_sea(model, water, sea, native)
+        self.model, self.water = model, water
+        options = options or HullOptions()
+        if water.radiation:
+            options = finer(options)
         self._data, self._native = data, native
         chosen = select(model, bodies, geoms)
         self.dry: dict[int, str] = dict(chosen.dry)
@@ -64,7 +81,6 @@ class Coupling:
         self.built: list[BuiltHull] = []
         self.inertias: list[Inertia] = []
         for wet in chosen.wet:
-            _refuse_plugged(model, wet.members)
             inertia = inertia_of(model, wet.body, wet.members)
             built = hull_of(model, wet, options, inertia)
             if built.hull is None:
@@ -84,7 +100,10 @@ class Coupling:
             make_record(hull, water, inertia, block)
             for hull, inertia, block in zip(self.hulls, self.inertias, self.blocks, strict=True)
         ]
-        self._entry = callback.Entry(model, self.bodies, self.records, self.blocks, self.inertias)
+        self.surface = self._prepare_surface(sea) if water.radiation else None
+        self._entry = callback.Entry(
+            model, self.bodies, self.records, self.blocks, self.inertias, self.surface
+        )
         self._before: Array | None = None
         self._depth = 0
         self._remove: Callable[[], bool] | None = None
@@ -92,6 +111,39 @@ class Coupling:
         self.doubts = doubts(
             model, water, zip(self.bodies, (w.members for w in self.wet), self.built, strict=True)
         )
+
+    def _prepare_surface(self, sea: Sea | None) -> SeaSurface:
+        """The surface of the bodies that radiate: roots of trees."""
+        model, own = self.model, mujoco.MjData(self.model)
+        if self._data is not None:
+            own.qpos[:] = self._data.qpos
+        mujoco.mj_kinematics(model, own)
+        floating = [
+            FloatingHull(
+                body=body,
+                name=body_name(model, body),
+                hull=self.hulls[k],
+                inertia=self.inertias[k],
+                carried=float(model.body_subtreemass[body]),
+                rotation=own.xmat[body].reshape(3, 3).copy(),
+                place=self.centre(own, k),
+            )
+            for k, body in enumerate(self.bodies)
+            if int(model.body_rootid[body]) == body
+        ]
+        if not floating:
+            raise SceneError(
+                "radiation is on and no wet body is the root of a tree: nothing makes waves"
+            )
+        calm = Sea(gravity=float(-model.opt.gravity[2]))
+        return attach_surface(floating, self.water, sea or calm, timestep=float(model.opt.timestep))
+
+    def elevation(self, data: mujoco.MjData, points: npt.ArrayLike) -> Array:
+        """Height of the surface at points (n, 2): the sea and the waves that bodies make, 0 if they do not [m]."""
+        self._check_data(data)
+        if self.surface is None:
+            return np.zeros(len(np.atleast_2d(np.asarray(points, dtype=np.float64))))
+        return self.surface.elevation(self.surface.state_of(data), points)
 
     def __repr__(self) -> str:
         names = [body_name(self.model, body) for body in self.bodies]
@@ -117,8 +169,12 @@ class Coupling:
                 'this model says <flag actuation="disable"/>, which silences callbacks: remove it so that '
                 "water can act"
             )
+        for wet in self.wet:
+            _refuse_plugged(self.model, wet.members)
         self._entry.forget()
         self._told.clear()
+        if self.surface is not None:
+            enlist_surface(self.surface)
         install = callback.install_native if self._native else callback.install_python
         self._remove = install(self, self._entry)
         if self._data is not None:
@@ -134,13 +190,16 @@ class Coupling:
         """
         if self._remove is not None:
             self._end()
-            self.check()
+            if not sys.is_finalizing():
+                self.check()
 
     def _end(self) -> None:
         """End the water without a word."""
         remove, self._remove = self._remove, None
-        if remove is not None:
+        if remove is not None and not sys.is_finalizing():  # then nothing is stepped any more
             self._entry.replaced |= not remove()
+            if self.surface is not None:
+                detach_surface(self.surface)
             if self._data is not None and self._before is not None:
                 self._data.xfrc_applied[list(self.bodies)] = self._before
 
@@ -209,6 +268,15 @@ class Coupling:
         if key not in self._told:
             self._told.add(key)
             warnings.warn(text, MjskipWarning, stacklevel=4)
+
+    def replace_loads(self, function: int, context: Array) -> None:
+        """Let a C function void(context, model, data) set the wrenches of all bodies in `xfrc_applied` instead.
+
+        Args:
+            function: its address.
+            context: handed to it; must stay alive.
+        """
+        self._entry.replace_loads(function, context)
 
     def wrench(self, data: mujoco.MjData, body: int | str) -> Wrench:
         """Wrench of water and air on a wet body, by name or id, in the pose and motion of `data`.
@@ -330,7 +398,11 @@ class Coupling:
         self._check_data(data)
         self._check_callback()
         self._entry.follow_gravity(self.records[k], self.blocks[k])
-        return wrench_of(self.blocks[k], self.state(data, k))
+        found = wrench_of(self.blocks[k], self.state(data, k))
+        if self.surface is None:
+            return found
+        load = self.surface.load_on(self.bodies[k], self.surface.state_of(data))
+        return found if load is None else replace(found, force=load[:3], torque=load[3:])
 
     def state(self, data: mujoco.MjData, k: int) -> Array:
         """State (1, 18) for the force kernel of the wet body in row k."""
@@ -358,6 +430,7 @@ def attach(
     interior: Interior = "flooded",
     strict: bool = False,
     native: bool = True,
+    sea: Sea | str | None = None,
     surface: str = "still",
 ) -> Coupling:
     """Let still water (z = 0) and air act on bodies of a model.
@@ -384,6 +457,10 @@ def attach(
         strict: refuse open meshes; otherwise their convex hull is taken, with a warning each.
         native: False installs a callback in plain Python, for teaching and tests: far slower, and no model can
             be compiled, nor threads be used, while it is there.
+        sea: waves and current, or their text as "hs=0.3 tp=3", about bodies that radiate (`Water.radiation`): the
+            roots of trees. Their force goes to `qfrc_passive` and their added mass to MuJoCo's mass matrix. Waves
+            that they make are kept here for each MjData, and are calm again when its time jumps: use the plugin
+            where states are copied.
         surface: "still": water that moves is state of MjData, which only the plugin of a model can have; see
             `mjskip.add_water`.
 
@@ -413,6 +490,7 @@ def attach(
         geoms=geoms,
         options=options,
         native=native,
+        sea=Sea.from_text(sea, gravity=_gravity(model)) if isinstance(sea, str) else sea,
     )
     for text in coupling.doubts:
         warnings.warn(text, MjskipWarning, stacklevel=2)
@@ -428,6 +506,29 @@ def _check_arguments(model: Any, data: Any, water: Any) -> None:
                 "this data belongs to another model: make it with mujoco.MjData(model)"
             )
     check_type("water", water, Water, "give a mjskip.Water, such as Water.floating()")
+
+
+def _check_sea(model: mujoco.MjModel, water: Water, sea: Any, native: bool) -> None:
+    """A sea needs bodies that radiate, and they a compiled callback and the model's gravity."""
+    if sea is not None:
+        check_type("sea", sea, Sea, 'give a mjskip.Sea, or a text such as "hs=0.3 tp=3"')
+        if not water.radiation:
+            raise ValueError(
+                "sea is given and the water's radiation is off: waves act on bodies that radiate; use "
+                "Water.floating(radiation=True)"
+            )
+        if abs(sea.gravity - _gravity(model)) > 1e-9 * sea.gravity:
+            raise ValueError(
+                f"sea has a gravity of {sea.gravity:g} m/s^2 and the model one of {_gravity(model):g}: give them one"
+            )
+    if water.radiation and not native:
+        raise ValueError(
+            "native is False and the water's radiation is on: only compiled code radiates"
+        )
+
+
+def _gravity(model: mujoco.MjModel) -> float:
+    return float(-model.opt.gravity[2])
 
 
 def _same_model(model: mujoco.MjModel, other: mujoco.MjModel) -> bool:

@@ -19,7 +19,8 @@ from mjskip._compile.pointers import address_of_cfunc
 from mjskip._typing import Array
 from mjskip.coupling import _control_kernels as tables
 from mjskip.coupling import _record_kernels as loads
-from mjskip.coupling._struct_layout import library, members
+from mjskip.coupling._struct_layout import check, library, members
+from mjskip.coupling.sea import SeaSurface, compiled
 from mjskip.coupling.wet import Inertia
 from mjskip.errors import SceneError
 from mjskip.hydro._block import WEIGHT_DENSITY
@@ -47,8 +48,9 @@ class Entry:
         records: list[Array],
         blocks: list[Array],
         inertias: list[Inertia],
+        surface: SeaSurface | None = None,
     ) -> None:
-        """Of a model; it is not kept alive."""
+        """Of a model; it is not kept alive. Bodies of the surface radiate."""
         self.records, self.blocks, self.replaced = records, blocks, False
         self.offsets: list[Array | None] = []
         for body, inertia in zip(bodies, inertias, strict=True):
@@ -56,17 +58,32 @@ class Entry:
             self.offsets.append(offset if offset.any() else None)
         gravity, timestep = _option_addresses(model)
         words = np.zeros(tables.RECORDS + tables.ROW * len(bodies), np.int64)
-        words[tables.NBODY], words[tables.ATTACHED] = model.nbody, len(bodies)
+        words[tables.ATTACHED] = len(bodies)
         words[tables.GRAVITY], words[tables.TIMESTEP] = gravity, timestep
         words[tables.INVERSE_WEIGHTS] = model.body_invweight0.ctypes.data
         words[tables.SIGNATURE : tables.SIGNATURE + 1].view(np.uint64)[0] = model.signature
         for k, body in enumerate(bodies):
             at, away = tables.RECORDS + tables.ROW * k, self.offsets[k]
-            words[at], words[at + 1] = body, records[k].ctypes.data
-            words[at + 2] = 0 if away is None else away.ctypes.data
+            words[at], words[at + 1] = body, model.body_rootid[body]
+            words[at + 2] = records[k].ctypes.data
+            words[at + 3] = 0 if away is None else away.ctypes.data
+        self.surface = surface
+        if surface is not None:
+            words[tables.SEA] = surface.entry.ctypes.data
+            words[tables.SEA_ACT] = compiled()["act_attached"]
+            radiating = [one.body for one in surface.bodies]
+            for k, body in enumerate(bodies):
+                if body in radiating:
+                    words[tables.RECORDS + tables.ROW * k + 2] = 0
         self.words = words
         self._gravity = (ctypes.c_double).from_address(gravity)
         self.forget()
+
+    def replace_loads(self, function: int, context: Array) -> None:
+        """Let a C function void(context, model, data) set the wrenches instead; 0 ends that."""
+        self._context = context  # kept alive
+        self.words[tables.CONTEXT] = context.ctypes.data
+        self.words[tables.INSTEAD] = function
 
     def forget(self) -> None:
         """Begin anew: nothing has happened."""
@@ -119,15 +136,23 @@ class Entry:
 
 def _option_addresses(model: mujoco.MjModel) -> tuple[int, int]:
     """Where a model has its gravity along z and its time step."""
-    gravity = model.opt.gravity.ctypes.data
     option = members("mjOption")
-    timestep = gravity - option["gravity"].offset + option["timestep"].offset
-    if ctypes.c_double.from_address(timestep).value != model.opt.timestep:
-        raise SceneError(
-            f"MuJoCo {mujoco.mj_versionString()} keeps its options elsewhere than its introspection says: this "
-            "version of mjskip cannot attach water to it"
-        )
-    return gravity + 16, timestep
+    first = model.opt.gravity.ctypes.data - option["gravity"].offset
+    return first + option["gravity"].offset + 16, first + option["timestep"].offset
+
+
+def _fill_root() -> None:
+    """Tell compiled code where MuJoCo keeps what it needs.
+
+    Raises:
+        MjskipError: that is elsewhere than MuJoCo says.
+    """
+    check(tables.DATA_MEMBERS)
+    data = members("mjData")
+    for k, name in enumerate(tables.DATA_MEMBERS):
+        tables.root[tables.MEMBERS + k] = data[name].offset
+    tables.root[tables.SIGNATURE_AT] = members("mjModel")["signature"].offset
+    tables.root[tables.WRENCH] = wrench_address()
 
 
 COMPILERS_CALLS = 8
@@ -146,7 +171,7 @@ _slot = ctypes.c_void_p.in_dll(library, "mjcb_control")
 @cache
 def compile_callback() -> Any:
     """The compiled callback and its address (first use compiles, about ten seconds, then cached)."""
-    tables.root[tables.WRENCH] = wrench_address()
+    _fill_root()
     function = compile_native(types.void(types.int64, types.int64))(tables.control)
     return function, address_of_cfunc(function)
 
@@ -167,7 +192,6 @@ def install_native(coupling: Coupling, entry: Entry) -> Callable[[], bool]:
     with _lock:
         _, address = compile_callback()
         _refuse_attached(key)
-        _note_signature(model)
         _attached[key] = entry, weakref.ref(coupling)
         forget = weakref.finalize(model, _forget, key, entry)
         forget.atexit = False
@@ -200,13 +224,6 @@ def _leave_slot() -> None:
     if not _attached and tables.root[tables.WRENCH] and _slot.value == compile_callback()[1]:
         _slot.value = int(tables.root[tables.PREVIOUS]) or None
         tables.root[tables.PREVIOUS] = 0
-
-
-def _note_signature(model: mujoco.MjModel) -> None:
-    """Where a model has its signature, if that is where it is said to be."""
-    at = members("mjModel")["signature"].offset
-    found = ctypes.c_uint64.from_address(model._address + at).value
-    tables.root[tables.SIGNATURE_AT] = at if found == model.signature else 0
 
 
 def _refuse_attached(address: int) -> None:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
 
 from mjskip._typing import Array
+from mjskip.checks import check_type
 from mjskip.coupling.attach import Coupling
 from mjskip.coupling.bodies import body_name, find_body, free_bodies
+from mjskip.coupling.plugin import plugin_settings
 from mjskip.coupling.selection import BodyRule, GeomRule
 from mjskip.coupling.wet import HullOptions, Interior
 from mjskip.errors import MjskipWarning, SceneError
@@ -42,7 +44,7 @@ def float_at_rest(
     body: str | int | None = None,
     bodies: BodyRule = None,
     geoms: GeomRule = None,
-    interior: Interior = "flooded",
+    interior: Interior | None = None,
     max_faces: int = HullOptions.max_faces,
 ) -> ModelFlotation:
     """Draft, trim and heel at which a free tree of a model floats, its joints held.
@@ -53,27 +55,46 @@ def float_at_rest(
     Args:
         model: compiled model.
         data: pose to begin from, of the joints too; `qpos0` if None. It is not altered.
-        water: the fluid, for its density.
+        water: the fluid, for its density; that of the plugin where the tree carries it, or `Water()`.
         body: any body of the tree; the first free body's if None.
-        bodies, geoms, interior, max_faces: see `mjskip.attach`.
+        bodies, geoms, interior, max_faces: see `mjskip.attach`; as the plugin says where the tree carries it.
 
     Raises:
         SinksError: the tree is too heavy to float.
         SceneError: no free tree has that body.
     """
-    water = Water.floating() if water is None else water
+    check_type("model", model, mujoco.MjModel, "give what mujoco.MjModel.from_xml_path(file) makes")
+    root = tree_root(model, body)
+    told = plugin_settings(model, root)
+    options = HullOptions(interior=interior or "flooded", max_faces=max_faces)
+    if told is not None:
+        water, geoms = water or told.water, told.geoms if geoms is None else geoms
+        options = told.options if interior is None else replace(told.options, interior=interior)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", MjskipWarning)
         coupling = Coupling(
-            model,
-            data,
-            water,
-            bodies=bodies,
-            geoms=geoms,
-            options=HullOptions(interior=interior, max_faces=max_faces),
-            native=True,
+            model, data, water or Water.floating(), bodies=bodies, geoms=geoms, options=options
         )
-    return flotation_of(coupling, data, body)
+    return flotation_of(coupling, data, root)
+
+
+def tree_root(model: mujoco.MjModel, body: str | int | None) -> int:
+    """Root of the free tree that a body belongs to; the first free body if None.
+
+    Raises:
+        SceneError: there is none.
+    """
+    free = free_bodies(model)
+    if body is None:
+        root = free[0] if free else 0
+    else:
+        number = find_body(model, body) if isinstance(body, str) else int(body)
+        root = int(model.body_rootid[number])
+    if root not in free:
+        raise SceneError(
+            "only what has a free joint floats: name a body of a tree whose root has one"
+        )
+    return root
 
 
 def flotation_of(
@@ -86,17 +107,7 @@ def flotation_of(
         own.qpos[:] = data.qpos
     mujoco.mj_kinematics(model, own)
     mujoco.mj_comPos(model, own)
-    free = free_bodies(model)
-    if body is None:
-        wet = {int(model.body_rootid[b]) for b in coupling.bodies}
-        root = next((b for b in free if b in wet), None)
-    else:
-        number = find_body(model, body) if isinstance(body, str) else int(body)
-        root = int(model.body_rootid[number])
-    if root is None or root not in free:
-        raise SceneError(
-            "only what has a free joint floats: name a body of a tree whose root has one"
-        )
+    root = tree_root(model, body)
     triangles = coupling.triangles(own, root)
     centre = np.array(own.subtree_com[root])
     found = hydrostatics.float_at_rest(

@@ -170,12 +170,13 @@ def _wave_profile(wave_speed: float, gravity: float, radius: float) -> Array:
 @cache
 def moving_functions() -> tuple[int, int, int]:
     """Addresses of what computes, advances and draws moving water: compiled when first needed."""
+    from mjskip.coupling import _moving_drawing_kernels as drawing
     from mjskip.coupling import _moving_kernels as kernels
 
     signature = types.void(types.int64, types.int64, types.int64)
     compiled = [
         native(signature)(function)
-        for function in (kernels.moving_compute, kernels.moving_advance, kernels.moving_draw)
+        for function in (kernels.moving_compute, kernels.moving_advance, drawing.moving_draw)
     ]
     _alive.extend(compiled)
     compute, advance, draw = map(address_of_cfunc, compiled)

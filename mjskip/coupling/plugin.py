@@ -17,6 +17,7 @@ fields of `Water`, and
     geoms       all | collision | group 3 | names; the colliding ones of every body, or all, if not given
     bodies      tree (default) | this: not what moves below
     resolution, max_faces, interior, strict    see `mjskip.attach`
+    sea         waves and current about bodies that radiate, as "hs=0.3 tp=3": see `Sea.from_text`
     surface     still (default) | waves (equation 5) | deep (real waves); the keys below are of those that move
     size        width of the square of water that follows the instance's bodies and that waves leave [m]
     spacing     of its cells [m]
@@ -25,6 +26,9 @@ fields of `Water`, and
     damping     mu of equation (5) [1/s]
     load_radius of the bumps that spread the load of a face [m]
     arrows      length of force arrows that every viewer shows [m/N]; none if not given
+
+With the key radiation="true" the bodies that carry the instance radiate and scatter waves on one surface, which is the
+plugin's state in MjData.
 
 Water that moves is state of MjData (`plugin_state`): `mj_step` alone moves it. It is not for laws that pull along a
 face; its faces are loaded while they advance against the surface, whatever the gate; buoyancy and skin friction are
@@ -56,12 +60,22 @@ from mjskip.coupling import _plugin_kernels as kernels
 from mjskip.coupling import _record_kernels as loads
 from mjskip.coupling import _struct_layout as _layout
 from mjskip.coupling._struct_layout import library
-from mjskip.coupling.bodies import SOLIDS, body_name, geom_name, kind_name
+from mjskip.coupling.bodies import SOLIDS, body_geoms, body_name, geom_name, kind_name, pose_in
 from mjskip.coupling.moving_water import MovingWater, moving_functions
 from mjskip.coupling.records import doubts, make_record, too_large_step
-from mjskip.coupling.selection import GeomRule, WetBody, geom_rule, wet_body
+from mjskip.coupling.sea import (
+    FloatingHull,
+    SeaSurface,
+    ask_plugin,
+    compiled,
+    finer,
+    most_state,
+    surface_of,
+)
+from mjskip.coupling.selection import GeomRule, WetBody, geom_rule, members_of, wet_body
 from mjskip.coupling.wet import BuiltHull, HullOptions, Inertia, hull_of, inertia_of
 from mjskip.errors import MjskipError, MjskipWarning, SceneError
+from mjskip.hydro.seas import Sea
 from mjskip.hydro.water import Water
 from mjskip.hydro.wrench import immersion_address, pack, wrench_address
 from mjskip.waves.coupling import check_law
@@ -70,7 +84,7 @@ NAME = "mjskip.water"
 WATER_KEYS = tuple(field.name for field in fields(Water))
 HULL_KEYS = tuple(field.name for field in fields(HullOptions))
 SURFACE_KEYS = tuple(field.name for field in fields(MovingWater))
-KEYS = (*WATER_KEYS, "preset", *HULL_KEYS, *SURFACE_KEYS, "geoms", "bodies")
+KEYS = (*WATER_KEYS, "preset", *HULL_KEYS, *SURFACE_KEYS, "geoms", "sea", "bodies")
 """In the order of MuJoCo's texts; compiled code looks at the last one."""
 SWITCHES = {f.name for f in (*fields(Water), *fields(HullOptions)) if f.type in (bool, "bool")}
 NUMBERS = {f.name for f in (*fields(Water), *fields(MovingWater)) if f.type in (float, "float")}
@@ -97,8 +111,31 @@ def register_plugin() -> None:
             kernels.root[kernels.SLOT] = library.mjp_registerPlugin(ctypes.byref(plugin))
 
 
-def plugin_water(model: mujoco.MjModel, body: int) -> Water | None:
-    """The water that the plugin puts on a body of a compiled model; None if it puts none there."""
+@dataclass(frozen=True, kw_only=True)
+class PluginSettings:
+    """What the keys of an instance say.
+
+    Attributes:
+        water: the fluid.
+        options: how hulls are made.
+        surface: whether and how it moves.
+        geoms: the rule for geoms as `attach` takes it.
+        below: whether what moves below the bodies that carry it is wet too.
+        sea: waves that come, for bodies that radiate.
+        sea_text: what the key said.
+    """
+
+    water: Water
+    options: HullOptions
+    surface: MovingWater
+    geoms: str | list[str] | None
+    below: bool
+    sea: Sea
+    sea_text: str
+
+
+def plugin_settings(model: mujoco.MjModel, body: int) -> PluginSettings | None:
+    """What the plugin's keys say about a body of a compiled model; None if it does not wet it."""
     slot, carrier = _slot(), int(body)
     if slot < 0:
         return None
@@ -107,17 +144,15 @@ def plugin_water(model: mujoco.MjModel, body: int) -> Water | None:
         if instance >= 0 and model.plugin[instance] == slot:
             told = _configured(_layout.ModelView(model._address), instance)
             same = model.body_weldid[carrier] == model.body_weldid[body]
-            return told.water if told.below or same else None
+            return told if told.below or same else None
         carrier = int(model.body_parentid[carrier])
     return None
 
 
-def plugin_options(model: mujoco.MjModel, body: int) -> HullOptions:
-    """How the plugin makes the hull of a body that it wets."""
-    carrier = int(body)
-    while int(model.body_plugin[carrier]) < 0 and carrier > 0:
-        carrier = int(model.body_parentid[carrier])
-    return _configured(_layout.ModelView(model._address), int(model.body_plugin[carrier])).options
+def plugin_water(model: mujoco.MjModel, body: int) -> Water | None:
+    """The water that the plugin puts on a body of a compiled model; None if it puts none there."""
+    told = plugin_settings(model, body)
+    return None if told is None else told.water
 
 
 def instance_options(model: mujoco.MjModel, instance: int) -> tuple[MovingWater, Water, float]:
@@ -215,6 +250,7 @@ def _fill_root() -> None:
     root[kernels.TABLE] = _records.table.ctypes.data
     root[kernels.GRAVITY] = _layout.option_offset("gravity")
     root[kernels.TIMESTEP] = _layout.option_offset("timestep")
+    root[kernels.RADIATION_KEY] = KEYS.index("radiation")
     root[kernels.INTEGRATOR] = _layout.option_offset("integrator")
     scene = _layout.members("mjvScene")
     root[kernels.SCENE_MAXGEOM] = scene["maxgeom"].offset
@@ -321,12 +357,17 @@ def _answer(model: int, address: int, _unused: int) -> None:
             _say_too_large_step(view, body, key)
             return
         told = _configured(view, instance)
+        if told.water.radiation:
+            _link_sea()
         if what == kernels.CONFIGURATION:
             _check_sensors(view, instance, told)
         elif what == kernels.DOUBTS:
             _say_doubts(view, instance, told)
         elif what == kernels.STATE_SIZE:
-            request[kernels.ANSWER] = told.surface.state_size
+            radiates = told.water.radiation
+            request[kernels.ANSWER] = (
+                _sea_size(view, instance) if radiates else told.surface.state_size
+            )
         elif what == kernels.SURFACE:
             with _lock:
                 request[kernels.ANSWER] = _find_surface(view, told, key)
@@ -346,7 +387,7 @@ def _answer(model: int, address: int, _unused: int) -> None:
                 _records.add(key, kernels.CANNOT)
 
 
-def _find_record(view: Any, body: int, told: _Told, key: int, what: int) -> int:
+def _find_record(view: Any, body: int, told: PluginSettings, key: int, what: int) -> int:
     """What the table has for a body, made now if need be."""
     known = _records.made.get(key)
     if known is not None and what == kernels.HULL and known != kernels.CANNOT:
@@ -370,7 +411,7 @@ def _find_record(view: Any, body: int, told: _Told, key: int, what: int) -> int:
     return _records.add(key, _Kept(record=record, blocks=blocks, built=built))
 
 
-def _find_surface(view: Any, told: _Told, key: int) -> int:
+def _find_surface(view: Any, told: PluginSettings, key: int) -> int:
     """What the table has for an instance's surface, made now if need be."""
     known = _records.made.get(key)
     if known is None:
@@ -384,9 +425,90 @@ def _find_surface(view: Any, told: _Told, key: int) -> int:
     return known if isinstance(known, int) else int(known.record.ctypes.data)
 
 
-def _wet(view: Any, body: int, told: _Told) -> WetBody:
+def _sea_of(view: Any, instance: int) -> tuple[int, SeaSurface]:
+    """The surface of an instance whose bodies radiate, and its hash."""
+    told = _configured(view, instance)
+    options = finer(told.options)
+    found = []
+    for body in range(1, int(view.nbody)):
+        if int(view.body_plugin[body]) != instance:
+            continue
+        wet = _wet(view, body, told)
+        inertia = inertia_of(view, body, wet.members)
+        built = hull_of(view, wet, options, inertia)
+        if built.hull is None:
+            raise SceneError(
+                f"plugin {NAME}: body {body_name(view, body)!r} has no geom for water to act on"
+            )
+        position, rotation = pose_in(view, body, 0)
+        found.append(
+            FloatingHull(
+                body=body,
+                name=body_name(view, body),
+                hull=built.hull,
+                inertia=inertia,
+                carried=_carried_mass(view, body),
+                rotation=rotation,
+                place=position + rotation @ inertia.centre,
+            )
+        )
+    if not found:
+        raise SceneError(f"plugin {NAME}: no body carries this instance, so nothing radiates")
+    timestep = float(
+        _layout._array(view._address + _layout.option_offset("timestep"), "mjtNum", (1,))[0]
+    )
+    return surface_of(found, told.water, told.sea, told.sea_text, timestep=timestep)
+
+
+ask_plugin[:] = [_sea_of]
+
+
+def _link_sea() -> None:
+    """Let the plugin call what acts on bodies that radiate; compiles it on first use."""
+    root, addresses = kernels.root, compiled()
+    root[kernels.SEA_ACT], root[kernels.SEA_ADVANCE] = addresses["act"], addresses["advance"]
+    root[kernels.SEA_SENSE] = addresses["sense"]
+
+
+def _sea_size(view: Any, instance: int) -> int:
+    """Numbers of an instance's state. MuJoCo asks before it has copied its meshes: then there is room for most."""
+    bodies = [b for b in range(1, int(view.nbody)) if int(view.body_plugin[b]) == instance]
+    if any(
+        int(view.geom_dataid[geom]) >= 0
+        for body in bodies
+        for member in members_of(view, body)
+        for geom in body_geoms(view, member)
+    ):
+        return most_state(len(bodies))
+    return _sea_of(view, instance)[1].state_size
+
+
+def plugin_surface(model: mujoco.MjModel, instance: int | None = None) -> SeaSurface:
+    """The surface on which bodies of a compiled model radiate; the first instance's by default.
+
+    Raises:
+        SceneError: no instance of the plugin has the key radiation="true".
+    """
+    slot = _slot()
+    view = _layout.ModelView(model._address)
+    for number in range(model.nplugin) if instance is None else (instance,):
+        if int(model.plugin[number]) == slot and _configured(view, number).water.radiation:
+            return _sea_of(view, number)[1]
+    raise SceneError(f'no instance of plugin {NAME} in this model has radiation="true"')
+
+
+def _carried_mass(view: Any, body: int) -> float:
+    """Mass of a body and of all below it [kg]: MuJoCo's own sum comes after the plugin is asked for its size."""
+    inside = {body}
+    for other in range(body + 1, int(view.nbody)):
+        if int(view.body_parentid[other]) in inside:
+            inside.add(other)
+    return float(sum(view.body_mass[b] for b in inside))
+
+
+def _wet(view: Any, body: int, told: PluginSettings) -> WetBody:
     stop = [b for b in range(1, int(view.nbody)) if b != body and _carries(view, b)]
-    rule = _chosen(view, told.geoms, body, stop)
+    rule = _chosen(view, told.geoms, body)
     return wet_body(view, body, rule, stop=stop)
 
 
@@ -395,28 +517,30 @@ def _carries(view: Any, body: int) -> bool:
     return instance >= 0 and int(view.plugin[instance]) == int(kernels.root[kernels.SLOT])
 
 
-def _chosen(view: Any, text: str, body: int, stop: list[int]) -> Any:
-    """The rule that the key `geoms` says; names count on every body of the instance."""
-    if not text:
-        return None
-    rule: GeomRule = text
-    if text not in ("all", "collision") and text.split()[0] != "group":
-        names = text.split()
-        there = {str(view.geom(g).name): g for g in range(int(view.ngeom))}
-        for name in names:
-            if name not in there:
-                has = ", ".join(n for n in there if n) or "none has a name"
-                raise SceneError(f"geoms is {text!r}: no geom {name!r}; there are {has}")
-            if int(view.geom_type[there[name]]) not in SOLIDS:
-                raise SceneError(
-                    f"geoms is {text!r}: {name!r} is a {kind_name(view, there[name])}, which displaces no water"
-                )
-        wanted = {there[name] for name in names}
-        return lambda geom: geom in wanted
-    return geom_rule(view, rule, [body])
+def _geom_rule(text: str) -> str | list[str] | None:
+    """The key `geoms` as a rule: keywords, or names with spaces between them."""
+    if not text or text in ("all", "collision") or text.split()[0] == "group":
+        return text or None
+    return text.split()
 
 
-def _heads(view: Any, instance: int, told: _Told) -> Iterator[int]:
+def _chosen(view: Any, rule: GeomRule, body: int) -> Any:
+    """The rule for the geoms of a body; names count on every body of the model."""
+    if not isinstance(rule, list):
+        return geom_rule(view, rule, [body])
+    there = {str(view.geom(g).name): g for g in range(int(view.ngeom))}
+    for name in rule:
+        if name not in there:
+            has = ", ".join(n for n in there if n) or "none has a name"
+            raise SceneError(f"geoms is {' '.join(rule)!r}: no geom {name!r}; there are {has}")
+        if int(view.geom_type[there[name]]) not in SOLIDS:
+            kind = kind_name(view, there[name])
+            raise SceneError(f"geoms: {name!r} is a {kind}, which displaces no water")
+    wanted = {there[name] for name in rule}
+    return lambda geom: geom in wanted
+
+
+def _heads(view: Any, instance: int, told: PluginSettings) -> Iterator[int]:
     """The bodies that an instance wets, as compiled code finds them."""
     for body in range(1, int(view.nbody)):
         if int(view.body_plugin[body]) == instance:
@@ -429,7 +553,7 @@ def _heads(view: Any, instance: int, told: _Told) -> Iterator[int]:
                 yield body
 
 
-def _say_doubts(view: Any, instance: int, told: _Told) -> None:
+def _say_doubts(view: Any, instance: int, told: PluginSettings) -> None:
     """Say once what is doubtful about an instance; raise if it wets nothing."""
     wet = []
     reasons: list[str] = []
@@ -464,18 +588,7 @@ def _say_too_large_step(view: Any, body: int, key: int) -> None:
         )
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Told:
-    """What the keys of an instance say."""
-
-    water: Water
-    options: HullOptions
-    surface: MovingWater
-    geoms: str
-    below: bool
-
-
-def _configured(view: _layout.ModelView, instance: int) -> _Told:
+def _configured(view: _layout.ModelView, instance: int) -> PluginSettings:
     """What an instance's keys say; keys that are not there have their defaults.
 
     Raises:
@@ -489,23 +602,35 @@ def _configured(view: _layout.ModelView, instance: int) -> _Told:
             if key in given and given[key] not in allowed:
                 raise ValueError(f"{key} is {given[key]!r}: use one of {', '.join(allowed)}")
         own = {k: _value(k, t) for k, t in given.items() if k in WATER_KEYS}
+        if "sea" in given and not own.get("radiation"):
+            raise ValueError(
+                f"sea is {given['sea']!r} and radiation is off: waves act on bodies that radiate; give "
+                'preset="floating" and radiation="true"'
+            )
         hull = {k: _value(k, t) for k, t in given.items() if k in HULL_KEYS}
         moving = MovingWater(**{k: _value(k, t) for k, t in given.items() if k in SURFACE_KEYS})
         water = Water.floating(**own) if "preset" in given else Water(**own)
         if moving.moves:
             check_law(water.law)
-        return _Told(
+            if water.radiation:
+                raise ValueError(
+                    f"surface is {moving.surface!r} and radiation is on: bodies that radiate have a surface of their "
+                    "own; give one of the two"
+                )
+        return PluginSettings(
             water=water,
             options=HullOptions(**hull),
             surface=moving,
-            geoms=given.get("geoms", ""),
+            geoms=_geom_rule(given.get("geoms", "")),
             below=given.get("bodies", "tree") == "tree",
+            sea=Sea.from_text(given.get("sea", ""), gravity=float(-view.gravity[2]) or 9.81),
+            sea_text=given.get("sea", ""),
         )
     except ValueError as error:
         raise ValueError(f"{who}: {error}") from error
 
 
-def _check_sensors(view: _layout.ModelView, instance: int, told: _Told) -> None:
+def _check_sensors(view: _layout.ModelView, instance: int, told: PluginSettings) -> None:
     """MuJoCo asks for a sensor's size before it says which object the sensor names."""
     kinds = view.sensor_objtype[view.sensor_plugin == instance]
     site = int(mujoco.mjtObj.mjOBJ_SITE)

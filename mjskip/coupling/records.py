@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -29,19 +30,22 @@ def make_record(hull: Hull, water: Water, inertia: Inertia, block: Array) -> Arr
     record = np.zeros(kernels.RECORD)
     record[kernels.BLOCK] = np.array([block.ctypes.data], np.int64).view(np.float64)[0]
     record[kernels.CENTRE : kernels.CENTRE + 3] = inertia.centre
-    values = np.linalg.eigvalsh(inertia.tensor)
-    if inertia.mass > 0.0 and values[0] > 0.0:
-        inverse = np.linalg.inv(inertia.tensor)
+    normals = hull.area_vectors / np.linalg.norm(hull.area_vectors, axis=1)[:, None]
+    arms = np.cross(hull.triangles, normals[:, None, :])
+    inverse: Array = np.eye(3)
+    if inertia.mass > 0.0 and np.linalg.eigvalsh(inertia.tensor)[0] > 0.0:
+        inverse = np.asarray(np.linalg.inv(inertia.tensor))
         record[kernels.INVERSE_MASS] = 1.0 / inertia.mass
         record[kernels.MEAN_INVERSE_INERTIA] = np.trace(inverse) / 3.0
-        record[kernels.MAX_INVERSE_INERTIA] = 1.0 / values[0]
         record[kernels.INVERSE_INERTIA : kernels.INVERSE_INERTIA + 9] = inverse.ravel()
+    record[kernels.ARM_MOBILITY] = np.einsum("nki,ij,nkj->nk", arms, inverse, arms).max()
     law = LAWS[water.law]
     coefficient = law.normal_squared + law.speed_normal + law.speed_squared + law.friction
     coefficient += 0.25 * math.pi * law.cavity  # its slope where V.n is small
-    record[kernels.DRAG_BOUND] = (
-        water.density * coefficient * hull.area + water.air_density * hull.disc_area
-    )
+    turning = np.linalg.norm(hull.area_vectors, axis=1) @ np.linalg.norm(arms, axis=2).max(axis=1)
+    record[kernels.MOVING_DRAG] = 0.5 * water.density * coefficient * hull.area
+    record[kernels.TURNING_DRAG] = water.density * coefficient * turning
+    record[kernels.AIR_DRAG] = water.air_density * hull.disc_area
     record[kernels.REACH] = hull.radius
     record[kernels.BEARING] = water.density if water.buoyancy else 0.0
     lifts = law.speed_squared != 0.0 or law.friction != 0.0
@@ -103,32 +107,51 @@ def doubts(
 
 def _mass_doubts(model: Any, members: tuple[int, ...]) -> list[str]:
     """Bodies of one mesh whose mass MuJoCo has from a volume that is not the mesh's."""
-    from mjskip.hydro.solids import closed_mesh
-
     found = []
     for body in members:
         geoms = list(body_geoms(model, body))
-        if len(geoms) != 1 or int(model.geom_dataid[geoms[0]]) < 0:
+        mass = float(model.body_mass[body])
+        if len(geoms) != 1 or int(model.geom_dataid[geoms[0]]) < 0 or not mass > 0.0:
             continue
         mesh = mesh_of(model, geoms[0])
-        try:
-            solid = closed_mesh(mesh)
-        except MeshError:
-            continue
-        exact = float(solid.volume)
-        mass = float(model.body_mass[body])
-        own = np.asarray(model.body_inertia[body], np.float64)
-        if not mass > 0.0:
-            continue
-        for kind, (volume, moments) in _mujoco_volumes(solid).items():
-            taken = np.allclose(np.sort(own / mass), np.sort(moments), rtol=1e-3)
-            if taken and abs(volume / exact - 1.0) > MASS_OFF:
-                found.append(
-                    f"{label(model, geoms[0])} has the mass of its {kind} volume, {volume:.4g} m^3, but displaces "
-                    f'{exact:.4g} m^3: say inertia="exact" in its <mesh>'
-                )
-                break
+        wrong = _wrong_volume(
+            np.asarray(mesh.vertices).tobytes(),
+            np.asarray(mesh.faces).tobytes(),
+            tuple(float(moment) / mass for moment in model.body_inertia[body]),
+        )
+        if wrong is not None:
+            kind, volume, exact = wrong
+            found.append(
+                f"{label(model, geoms[0])} has the mass of its {kind} volume, {volume:.4g} m^3, but displaces "
+                f'{exact:.4g} m^3: say inertia="exact" in its <mesh>'
+            )
     return found
+
+
+@lru_cache(maxsize=256)
+def _wrong_volume(
+    vertices: bytes, faces: bytes, moments: tuple[float, ...]
+) -> tuple[str, float, float] | None:
+    """Kind and size of the volume that gave a mesh its inertia, and its own, if these differ."""
+    import trimesh
+
+    from mjskip.hydro.solids import closed_mesh
+
+    mesh = trimesh.Trimesh(
+        np.frombuffer(vertices).reshape(-1, 3),
+        np.frombuffer(faces, np.int64).reshape(-1, 3),
+        process=False,
+    )
+    try:
+        solid = closed_mesh(mesh)
+    except MeshError:
+        return None
+    exact = float(solid.volume)
+    for kind, (volume, own) in _mujoco_volumes(solid).items():
+        taken = np.allclose(np.sort(moments), np.sort(own), rtol=1e-3)
+        if taken and abs(volume / exact - 1.0) > MASS_OFF:
+            return kind, volume, exact
+    return None
 
 
 def _mujoco_volumes(mesh: Any) -> dict[str, tuple[float, Array]]:

@@ -17,6 +17,7 @@ from mjskip.coupling import _moving_kernels as moving
 from mjskip.coupling.moving_water import MovingWater, SurfaceKind
 from mjskip.coupling.plugin import NAME, instance_options, register_plugin
 from mjskip.errors import SceneError
+from mjskip.hydro.seas import Sea
 from mjskip.hydro.water import Water
 from mjskip.waves import _coupling_kernels as coupling
 from mjskip.waves import _window_kernels as window
@@ -27,7 +28,7 @@ def add_water(
     spec: mujoco.MjSpec, water: Water | None = None, *, bodies: Iterable[str] | None = None,
     name: str = "water", surface: SurfaceKind = "still", size: float = 0.64, spacing: float = 0.01,
     depth: float = math.inf, wave_speed: float = 1.0, damping: float = 0.0, tension: float = 0.0,
-    load_radius: float = LOAD_RADIUS, arrows: float = 0.0, sensor: bool = True,
+    load_radius: float = LOAD_RADIUS, arrows: float = 0.0, sensor: bool = True, sea: str = "",
 ) -> None:  # fmt: skip
     """Put water under bodies of a model that is not yet compiled: the plugin mjskip.water, and a sensor.
 
@@ -47,6 +48,7 @@ def add_water(
         load_radius: of the bumps that spread loads [m].
         arrows: length of force arrows in viewers [m/N]; 0 for none.
         sensor: whether to add a sensor of force, torque and wetted area of every body in turn.
+        sea: waves and current about bodies that radiate (`Water.radiation`), as "hs=0.3 tp=3".
 
     Raises:
         ValueError: a value is not allowed.
@@ -58,11 +60,13 @@ def add_water(
         surface=surface, size=size, spacing=spacing, depth=depth, wave_speed=wave_speed,
         damping=damping, tension=tension, load_radius=load_radius, arrows=arrows,
     )  # fmt: skip
+    Sea.from_text(sea)
     chosen = _chosen(spec, bodies)
     register_plugin()
     spec.activate_plugin(NAME)
     instance = spec.add_plugin(name=name, plugin_name=NAME, active=True)
-    instance.config = _texts(water, Water()) | _texts(options, MovingWater())
+    said = {"sea": sea} if sea else {}
+    instance.config = _texts(water, Water()) | _texts(options, MovingWater()) | said
     for body in chosen:
         body.plugin.active, body.plugin.plugin_name, body.plugin.name = True, NAME, name
     if sensor:

@@ -14,12 +14,11 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
-import numpy.typing as npt
 
 from mjskip._typing import Array
 from mjskip.checks import check_choice, check_count, check_switch, fault
 from mjskip.coupling.bodies import body_name, geom_solid, kind_name, label, mesh_of, pose_in
-from mjskip.coupling.selection import WetBody, wet_body
+from mjskip.coupling.selection import GeomRule, WetBody, geom_rule, members_of, wet_body
 from mjskip.errors import MeshError, MjskipWarning, SceneError
 from mjskip.hydro import primitives
 from mjskip.hydro.hull import Hull
@@ -159,6 +158,11 @@ def inertia_of(model: Any, head: int, members: tuple[int, ...]) -> Inertia:
     return Inertia(mass=mass, centre=centre, tensor=tensor)
 
 
+def centre_of_mass(model: Any, body: int) -> Array:
+    """Centre of mass (3,) of a body and those welded to it, in its frame [m]."""
+    return inertia_of(model, body, members_of(model, body)).centre
+
+
 def hull_of(model: Any, wet: WetBody, options: HullOptions, inertia: Inertia) -> BuiltHull:
     """The hull of a wet body, from the registry or built; what it has to say is said as warnings.
 
@@ -223,7 +227,7 @@ def _build(
 ) -> BuiltHull:
     import trimesh
 
-    from mjskip.hydro.solids import convex_hull, decked, simplify, union
+    from mjskip.hydro.solids import convex_hull, decked, simplify, union, with_area
 
     parts: list[Any] = []
     lost: dict[int, str] = {}
@@ -255,34 +259,37 @@ def _build(
     simplification = None
     if options.max_faces and len(whole.faces) > options.max_faces:
         whole, simplification = simplify(whole, options.max_faces)
+        if len(whole.faces) > options.max_faces:
+            warnings.warn(
+                f"the hull of body {body_name(model, wet.body)!r} keeps {len(whole.faces)} faces: fewer, up to "
+                f"max_faces={options.max_faces}, would spoil its volume or area; choose simpler geoms with geoms=, or "
+                'interior="convex"',
+                MjskipWarning,
+                stacklevel=2,
+            )
     vertices = np.asarray(whole.vertices, np.float64)
     faces = np.asarray(whole.faces, np.int32)
     tensor = inertia.tensor
     if not tensor.any():  # a massless body: its disc is that of its shape
         tensor = np.asarray(whole.moment_inertia, np.float64)
-    hull = Hull.of_surface(vertices=vertices, faces=_with_area(vertices, faces), inertia=tensor)
+    hull = Hull.of_surface(vertices=vertices, faces=with_area(vertices, faces), inertia=tensor)
     return BuiltHull(hull=hull, simplification=simplification, lost=lost)
-
-
-def _with_area(vertices: Array, faces: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
-    """The faces that have an area: others carry no load and have no normal."""
-    a, b, c = np.moveaxis(vertices[faces], 1, 0)
-    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    return np.asarray(faces[areas > 2e-14 * float(np.ptp(vertices, axis=0).max()) ** 2], np.int32)
 
 
 THROWN = HullOptions(max_faces=0)
 """What is thrown keeps every face."""
 
 
-def body_stone(model: Any, body: int, options: HullOptions = THROWN) -> Stone:
-    """The stone that a body is: MuJoCo's mass and inertia, and its hull.
+def body_stone(
+    model: Any, body: int, *, options: HullOptions = THROWN, geoms: GeomRule = None
+) -> Stone:
+    """The stone that a body is: MuJoCo's mass and inertia, and its hull; see `attach` for geoms.
 
     Raises:
         SceneError: the body has no geom for water to act on, or no mass.
         MeshError: a mesh has no volume.
     """
-    wet = wet_body(model, body, None)
+    wet = wet_body(model, body, geom_rule(model, geoms, members_of(model, body)))
     name = body_name(model, body)
     inertia = inertia_of(model, body, wet.members)
     if not inertia.mass > 0.0:

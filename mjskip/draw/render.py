@@ -7,7 +7,7 @@ import math
 from collections.abc import Generator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -33,8 +33,9 @@ from mjskip.draw.video import (
     write_video,
 )
 from mjskip.files import check_folder
+from mjskip.throws.rings import recorded_rings
 from mjskip.throws.trajectory import Trajectory, pose_at
-from mjskip.throws.wake import Wake
+from mjskip.waves.recording import SurfaceFrames, SurfaceRecording
 
 if TYPE_CHECKING:
     from mjskip.hydro.stone import Stone
@@ -148,7 +149,7 @@ def render_video(
     check_video_path(path)
     shot = Shot(
         camera=camera, size=size, fps=fps, slow=slow, look=look, linger=linger, trail=trail,
-        marks=marks, caption=caption, spray=spray,
+        marks=marks, caption=caption, spray=spray, forces=forces,
     )  # fmt: skip
     images = frames(scene, trajectory, shot)
     with contextlib.closing(images):
@@ -183,8 +184,9 @@ def frames(
 ) -> Generator[Image, None, None]:
     """The pictures (height, width, 3) of a throw, one at a time; see `render_video`.
 
-    Rigid bodies are only placed, never stepped. The water starts still and gets back, between
-    pictures, what it gave to the stones.
+    Bodies and water are only shown, never stepped: the water is that which was recorded with the throw
+    (`Trajectory.surface`). A throw without a recording is given one, of still water that gets back what it
+    gave to the stones.
 
     Args:
         scene: where it was thrown.
@@ -197,9 +199,9 @@ def frames(
     if times is None:
         times = shot_times(trajectory, shot)
     flights = _by_body(scene, trajectory)
-    field = scene.field()
     body = scene.body if scene.body in flights else next(iter(flights))
-    grid = Grid.around(step=max(field.spacing, _STEP * largest_radius(scene.model, body)))
+    spacing = scene.field().spacing
+    grid = Grid.around(step=max(spacing, _STEP * largest_radius(scene.model, body)))
     stage = Stage(
         scene,
         flights,
@@ -211,18 +213,30 @@ def frames(
     )
     # the stage opens here, not at the first picture: what is wrong shows before a file is begun
     stage.open()
-    wake = Wake(field, list(flights.values()), density=scene.water.density)
     if follow is None:
         centres = followed(flights[body], times)
     else:
         centres = np.array([pose_at(follow, time)[0] for time in times.tolist()])
-    return _play(stage, field, wake, times, centres, flights, body, shot, scene.stones)
+    water = surface_of(scene, flights, shot)
+    return _play(stage, water, times, centres, flights, body, shot, scene.stones)
+
+
+def surface_frames(shot: Shot) -> SurfaceFrames:
+    """The moments of the water that a film shows: record a throw with them, and it shows the water that was."""
+    return SurfaceFrames(rate=shot.fps * shot.slow, linger=shot.linger / shot.slow)
+
+
+def surface_of(scene: Scene, flights: Mapping[str, Trajectory], shot: Shot) -> SurfaceRecording:
+    """The water as it was recorded with the throw, or rings made for the film."""
+    for flight in flights.values():
+        if flight.surface is not None:
+            return flight.surface
+    return recorded_rings(scene, list(flights.values()), surface_frames(shot))
 
 
 def _play(
     stage: Stage,
-    field: Any,
-    wake: Wake,
+    water: SurfaceRecording,
     times: Array,
     centres: Array,
     flights: Mapping[str, Trajectory],
@@ -235,10 +249,8 @@ def _play(
         for number, flight in enumerate(flights.values())
     ]
     with contextlib.closing(stage):
-        wake.time = min(float(times[0]), min(float(f.time[0]) for f in flights.values()))
         for time, centre in zip(times.tolist(), centres, strict=True):
-            wake.advance(time)
-            image = stage.draw(time, field, centre=centre)
+            image = stage.draw(time, water.at(time), centre=centre)
             for overlay in overlays:
                 overlay.draw(image, time, stage.eye)
             if plan.forces and time <= flights[body].time[-1]:

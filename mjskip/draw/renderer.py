@@ -73,7 +73,7 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
             width: of pictures [pixels].
             max_geom: as `mujoco.Renderer`'s.
             font_scale: as `mujoco.Renderer`'s.
-            water: a coupling of bodies and water, a `HeightField`, a `Lake`, a recording of a surface, an
+            water: a coupling of bodies and water, a `HeightField`, a recording of a surface, an
                 array (nx, ny) of heights [m], or None for still water at z = 0.
             spacing: side of a cell of an array [m].
             centre: of an array (x, y) [m].

@@ -164,7 +164,8 @@ class Stage:
             position, attitude = pose_at(flight, time)
             body = self.model.body(name)
             at = self._addresses[name]
-            if time > flight.time[-1] and flight.end in _GOES_ON:
+            gone = flight.end in _GOES_ON and not flight.attributes.get("afloat")
+            if gone and time > flight.time[-1]:
                 position = position - np.array([0.0, 0.0, _AWAY])
             self.data.qpos[at : at + 3] = position - _rotated(body.ipos, attitude)
             self.data.qpos[at + 3 : at + 7] = attitude

@@ -69,7 +69,7 @@ def patch_of(
 
     Args:
         water: None for still water; an array (nx, ny) of heights [m] with its spacing; a `HeightField`;
-            anything with the window of a `Lake`; a recording, which is asked for its surface at a time;
+            anything else with its `window`; a recording, which is asked for its surface at a time;
             a coupling of bodies and water, which is asked for its surface.
         focus: of water without end, the part about this point is drawn (x, y) [m].
         time: of a recording [s].
@@ -87,7 +87,8 @@ def patch_of(
         return patch_of(water.at(time), focus=focus, time=time)
     if hasattr(water, "surface"):  # a coupling: None where its water is still
         return patch_of(water.surface, focus=focus, time=time)
-    if isinstance(water, Surface):
+    endless = getattr(water, "boundary", None) in ("endless", "periodic")
+    if isinstance(water, Surface) and not endless:
         return Patch(water.elevation, water.spacing, water.centre)
     if callable(getattr(water, "window", None)):
         heights, x, y = water.window(*focus, (WINDOW, WINDOW))
@@ -96,7 +97,7 @@ def patch_of(
     if hasattr(water, "blocks") and hasattr(water, "water"):  # a coupling over still water
         return STILL
     raise ValueError(
-        f"water is a {type(water).__name__}: give a coupling, a HeightField or Lake, a recording, an array "
+        f"water is a {type(water).__name__}: give a coupling, a HeightField, a recording, an array "
         "(nx, ny) of heights with its spacing, or None for still water"
     )
 

@@ -19,14 +19,12 @@ import numpy.typing as npt
 
 from mjskip.coupling.bodies import find_body
 from mjskip.draw.skin import Grid, WaterSkin, add_water
+from mjskip.draw.surface import Patch
 from mjskip.errors import RenderError
-from mjskip.hydro.wrench import pack, wrench_and_immersion
-from mjskip.throws.engines import Motion, MujocoEngine
+from mjskip.throws.engines import MujocoEngine
+from mjskip.throws.run import Run
 from mjskip.throws.scene import Scene
 from mjskip.throws.simulate import SURFACES, Surface, warm_up
-from mjskip.throws.wake import give_back
-from mjskip.waves.lake import Lake
-from mjskip.waves.twoway import MovingSurface
 
 FPS = 60.0
 """Frames per second at most."""
@@ -154,106 +152,47 @@ def _watch(
 
 
 class _Show:
-    """The stones, their lake, and the skin that is the lake's picture."""
+    """The stones, their water, and the skin that is the water's picture."""
 
     def __init__(self, scene: Scene, engine: MujocoEngine, surface: Surface, grid: Grid) -> None:
         self.engine, self.body = engine, scene.body
         self.timestep = float(engine.model.opt.timestep)
         self._scene, self._surface = scene, surface
-        self._gravity = float(-engine.model.opt.gravity[2])
-        self._blocks = engine.blocks or {
-            name: pack(stone, scene.water_of(name), gravity=self._gravity)
-            for name, stone in scene.stones.items()
-        }
         self._start = engine.data.qpos.copy(), engine.data.qvel.copy()
         self._skin = WaterSkin(engine.model, grid)
         # the viewer draws a skin from where the model says its vertices are bound
         bound = engine.model.skin_vert
         self._bound = SimpleNamespace(skinvert=bound, skinnormal=np.empty_like(bound))
-        self._motion: Motion = {}
-        self._moving: MovingSurface | None = None
-        self._flood()
+        self.run = self._new_run()
 
     def throw_again(self) -> None:
         """Still water, and the stones as they leave the hand."""
         model, data = self.engine.model, self.engine.data
         mujoco.mj_resetData(model, data)
         data.qpos[:], data.qvel[:] = self._start
-        self._flood()
+        self.run = self._new_run()
 
     def advance(self, steps: int) -> None:
         """Move stones and water on."""
-        if not steps:
-            return
-        if self._moving is None:
-            motion = self.engine.advance(steps)
-            self.engine.check()
-            self._press(
-                {name: wrench_and_immersion(self._blocks[name], motion[name]) for name in motion},
-                steps,
-            )
-            return
-        rows: dict[str, list[Array]] = {name: [] for name in self._blocks}
-        for _ in range(steps):
-            seen = self._moving.look(self._motion)
-            shares = self._moving.advance(self.timestep)
-            for name, row in seen.items():
-                row[0, 2] *= shares[name]
-                rows[name].append(row[0])
-            self._motion = self.engine.advance(1)
-        self.engine.check()
-        self._press({name: np.array(seen) for name, seen in rows.items()}, steps)
+        if steps:
+            self.run.advance(steps)
 
     def draw(self) -> None:
         """Write the water into the skin."""
         mujoco.mj_forward(self.engine.model, self.engine.data)
         x, y, _ = self.engine.data.xipos[find_body(self.engine.model, self.body)]
-        shape = tuple(int(size / self._lake.spacing) for size in WINDOW)
-        heights, at_x, at_y = self._lake.window(float(x), float(y), (shape[0], shape[1]))
-        surface = _Window(
-            elevation=heights,
-            spacing=self._lake.spacing,
-            centre=(float(at_x[[0, -1]].mean()), float(at_y[[0, -1]].mean())),
-        )
-        self._skin.draw(self._bound, surface, focus=(float(x), float(y)))
+        water = self.run.show()
+        shape = tuple(int(size / water.spacing) for size in WINDOW)
+        heights, at_x, at_y = water.window(float(x), float(y), (shape[0], shape[1]))
+        middle = float(at_x[[0, -1]].mean()), float(at_y[[0, -1]].mean())
+        patch = Patch(heights, water.spacing, middle)
+        self._skin.draw(self._bound, patch, focus=(float(x), float(y)))
 
-    def _flood(self) -> None:
-        """Still water: that which is drawn, and over waves that which the stones feel."""
-        self._lake: Lake = self._scene.lake()
-        if self._surface == "waves":
-            self._moving = MovingSurface(
-                self._scene.lake(),
-                self._blocks,
-                density=self._scene.water.density,
-                gravity=self._gravity,
-            )
-            self._motion = self.engine.start()
-
-    def _press(self, seen: Motion, steps: int) -> None:
-        """Give the drawn water the reactions (steps, 17) of some steps as loads that last as long."""
-        duration = steps * self.timestep
-        for name, rows in seen.items():
-            weight = np.abs(rows[:, 2])
-            if weight.any():
-                x, y = np.average(rows[:, 13:15], axis=0, weights=weight)
-                give_back(
-                    self._lake,
-                    float(rows[:, 2].sum()) * self.timestep,
-                    duration,
-                    centre=(float(x), float(y)),
-                    wetted_area=float(np.average(rows[:, 12], weights=weight)),
-                    density=self._scene.water_of(name).density,
-                )
-        self._lake.advance(duration)
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Window:
-    """The part of a lake that is drawn: a `mjskip.draw.skin.Surface`."""
-
-    elevation: npt.NDArray[np.float32]
-    spacing: float
-    centre: tuple[float, float]
+    def _new_run(self) -> Run:
+        return Run(
+            self._scene, self.engine, self.timestep, field=self._scene.field(),
+            feel=self._surface == "waves",
+        )  # fmt: skip
 
 
 def _aim(camera: Any, model: Any, body: str) -> None:

@@ -34,18 +34,23 @@ def cut_observations(observations: Any, low: Any, high: Any, out: Any) -> None:
 
 @kernel
 def count_skips(
-    rows: Any, wet: Any, timestep: float, min_airtime: float, skips: Any, contact: Any, dry: Any
-) -> None:
+    rows: Any, seen: Any, timestep: float, min_airtime: float,
+    skips: Any, contact: Any, dry: Any, grounded: Any,
+) -> None:  # fmt: skip
     """A stone in a touch (contact > 0) that has been dry for min_airtime has skipped.
 
     Args:
-        wet: whether it was wet at each step (len(rows), steps).
+        seen: whether it was wet, and whether it touched the ground, at each step (len(rows), steps, 2).
         skips, contact, dry: number of skips, time of the present touch [s], time dry in it [s]; changed.
+        grounded: whether it touched the ground, after which nothing counts; changed.
     """
     for i in range(len(rows)):
         row = rows[i]
-        for k in range(wet.shape[1]):
-            if wet[i, k]:
+        for k in range(seen.shape[1]):
+            grounded[row] |= seen[i, k, 1]
+            if grounded[row]:
+                break
+            if seen[i, k, 0]:
                 contact[row] += timestep
                 dry[row] = 0.0
             elif contact[row] > 0.0:
@@ -85,7 +90,7 @@ def into_body(q: Any, at: int, x: float, y: float, z: float, out: Any, to: int) 
 
 @kernel
 def judge_stone(
-    rows: Any, qpos: Any, at: int, radius: Any, skips: Any, contact: Any, free: Any,
+    rows: Any, qpos: Any, at: int, radius: Any, skips: Any, contact: Any, grounded: Any, free: Any,
     sink_depth: float, max_contact: float, skip_reward: float, metre_reward: float,
     start: Any, counted: Any, distance: Any, reward: Any, over: Any,
 ) -> None:  # fmt: skip
@@ -112,7 +117,7 @@ def judge_stone(
         counted[row] = skips[row]
         distance[row] = far
         sunk = qpos[row, at + 2] < -sink_depth * radius[row]
-        over[row] = sunk or contact[row] > max_contact
+        over[row] = sunk or contact[row] > max_contact or grounded[row]
 
 
 @kernel

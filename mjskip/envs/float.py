@@ -77,7 +77,7 @@ class FloatTask(Task):
         self._action = action
 
     def judge(
-        self, simulation: Simulation, rows: Rows, wet: Flags | None, reward: Array, over: Flags
+        self, simulation: Simulation, rows: Rows, seen: Flags | None, reward: Array, over: Flags
     ) -> None:
         """How far it is, and whether it is lost."""
         qpos = np.ascontiguousarray(simulation.qpos)

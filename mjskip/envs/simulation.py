@@ -11,6 +11,8 @@ import numpy.typing as npt
 
 Rows = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
+Sensors = tuple[int, int] | None
+"""Two places in the sensor data."""
 
 NONE: Rows = np.empty(0, np.int64)
 DIVERGED = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADQACC) + 1)
@@ -32,10 +34,10 @@ class Simulation(Protocol):
     def forward(self, rows: Rows) -> None:
         """Work out what follows from states that were written."""
 
-    def advance(self, rows: Rows, steps: int, sensor: int) -> Flags | None:
-        """Step; whether the number at `sensor` of the sensor data was above 0 at each (rows, steps).
+    def advance(self, rows: Rows, steps: int, sensors: Sensors) -> Flags | None:
+        """Step; whether two numbers of the sensor data were above 0 at each (rows, steps, 2).
 
-        None if `sensor` is negative.
+        None if there are no `sensors`.
         """
 
     def lost(self, rows: Rows) -> Rows:
@@ -73,17 +75,17 @@ class Single:
         """Work out what follows from the state."""
         mujoco.mj_forward(self._model, self._data)
 
-    def advance(self, rows: Rows, steps: int, sensor: int) -> Flags | None:
+    def advance(self, rows: Rows, steps: int, sensors: Sensors) -> Flags | None:
         """Step; see `Simulation`."""
         model, data = self._model, self._data
-        if sensor < 0:
+        if sensors is None:
             mujoco.mj_step(model, data, steps)
             return None
-        above = np.empty((1, steps), np.bool_)
-        sensors, step = self._sensors, mujoco.mj_step
+        above = np.empty((1, steps, 2), np.bool_)
+        numbers, step, (first, second) = self._sensors, mujoco.mj_step, sensors
         for k in range(steps):
             step(model, data)
-            above[0, k] = sensors[sensor] > 0.0
+            above[0, k, 0], above[0, k, 1] = numbers[first] > 0.0, numbers[second] > 0.0
         return above
 
     def lost(self, rows: Rows) -> Rows:
@@ -127,14 +129,14 @@ class Many:
         """Work out what follows from states that were written."""
         self._batch.forward(rows)
 
-    def advance(self, rows: Rows, steps: int, sensor: int) -> Flags | None:
+    def advance(self, rows: Rows, steps: int, sensors: Sensors) -> Flags | None:
         """Step; see `Simulation`."""
         ids = None if len(rows) == self.count else rows
-        if sensor < 0:
+        if sensors is None:
             self._batch.step(ids, nstep=steps)
             return None
         recorded = self._batch.rollout(steps, record=("sensordata",), ids=ids)
-        return np.asarray(recorded["sensordata"][:, :, sensor] > 0.0)
+        return np.asarray(recorded["sensordata"][:, :, sensors] > 0.0)
 
     def lost(self, rows: Rows) -> Rows:
         """Rows that diverged."""

@@ -15,7 +15,7 @@ from gymnasium import spaces
 from mjskip._typing import Array
 from mjskip.checks import check_count
 from mjskip.coupling.plugin import register_plugin
-from mjskip.envs.simulation import Flags, Rows, Simulation
+from mjskip.envs.simulation import Flags, Rows, Sensors, Simulation
 from mjskip.envs.variation import Choice, apply
 
 
@@ -55,9 +55,9 @@ class Task(ABC):
         apply(choice, spec)
         return spec.compile()
 
-    def sensor(self) -> int:
-        """Index in the sensor data of the stone's wetted area; -1 if the task needs none."""
-        return -1
+    def sensors(self) -> Sensors:
+        """Where the stone's wetted area and its number of contacts stand in the sensor data, if they count."""
+        return None
 
     @abstractmethod
     def spec(self) -> mujoco.MjSpec:
@@ -85,12 +85,13 @@ class Task(ABC):
 
     @abstractmethod
     def judge(
-        self, simulation: Simulation, rows: Rows, wet: Flags | None, reward: Array, over: Flags
+        self, simulation: Simulation, rows: Rows, seen: Flags | None, reward: Array, over: Flags
     ) -> None:
         """Reward (added) and end of rows that were just stepped, into arrays (count,).
 
         Args:
-            wet: whether the stone was wet at each step, (rows, steps), if there is a sensor.
+            seen: whether the stone was wet, and whether it touched ground, at each step (rows, steps, 2), if there
+                are sensors.
         """
 
     @abstractmethod

@@ -14,9 +14,9 @@ import numpy.typing as npt
 from mjskip._typing import Array
 from mjskip.coupling.plugin import NAME, plugin_water
 from mjskip.coupling.wet import body_stone
-from mjskip.envs.simulation import Flags, Rows, Simulation
+from mjskip.envs.simulation import Flags, Rows, Sensors, Simulation
 from mjskip.envs.task import Task
-from mjskip.envs.touches import LIMITS, ThrownStones
+from mjskip.envs.touches import LIMITS, ThrownStones, add_contact_sensor, stone_sensors
 from mjskip.envs.variation import Options
 from mjskip.envs.water_env import WaterEnv, WaterVectorEnv
 from mjskip.hydro.stone import Stone
@@ -60,11 +60,12 @@ class ThrowStoneTask(Task):
         sensor = spec.add_sensor(name="water", type=mujoco.mjtSensor.mjSENS_PLUGIN)
         for plugin in (spec.body("stone").plugin, sensor.plugin):
             plugin.name, plugin.plugin_name, plugin.active = "lake", NAME, True
+        add_contact_sensor(spec)
         return spec
 
-    def sensor(self) -> int:
-        """The wetted area."""
-        return int(self.model.sensor("water").adr[0]) + 6
+    def sensors(self) -> Sensors:
+        """The wetted area and the contacts."""
+        return stone_sensors(self.model)
 
     def bounds(self) -> tuple[list[float], list[float]]:
         """Of the observation."""
@@ -110,12 +111,12 @@ class ThrowStoneTask(Task):
             self._thrown.let_go(int(row), simulation.qpos)
 
     def judge(
-        self, simulation: Simulation, rows: Rows, wet: Flags | None, reward: Array, over: Flags
+        self, simulation: Simulation, rows: Rows, seen: Flags | None, reward: Array, over: Flags
     ) -> None:
-        """Skips and metres; over when it has sunk, ploughs on or is out of time."""
-        assert wet is not None
+        """Skips and metres; over when it has sunk, ploughs on, touches the ground or is out of time."""
+        assert seen is not None
         qpos = np.ascontiguousarray(simulation.qpos)
-        self._thrown.judge(rows, wet, qpos, reward, over)
+        self._thrown.judge(rows, seen, qpos, reward, over)
         self._time[rows] += self.interval
         over[rows] |= self._time[rows] >= LIMITS.duration
 

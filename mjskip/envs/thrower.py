@@ -11,9 +11,9 @@ import numpy.typing as npt
 
 from mjskip._typing import Array
 from mjskip.envs import _task_kernels as kernels
-from mjskip.envs.simulation import Flags, Rows, Simulation
+from mjskip.envs.simulation import Flags, Rows, Sensors, Simulation
 from mjskip.envs.task import Task
-from mjskip.envs.touches import LIMITS, ThrownStones
+from mjskip.envs.touches import LIMITS, ThrownStones, add_contact_sensor, stone_sensors
 from mjskip.envs.variation import Options
 from mjskip.envs.water_env import WaterEnv, WaterVectorEnv
 from mjskip.hydro.water import Water
@@ -32,7 +32,7 @@ class ThrowerTask(Task):
     [rad/s]; 1 while the stone is held; time over 5 s; the stone's position [m], velocity [m/s] and upper normal;
     its spin about that normal [rad/s].
     Reward: 1 for every skip, when it is complete, and 0.1 for every metre from where it was let go.
-    Terminated: when the stone has sunk or ploughs on. Truncated after 5 s.
+    Terminated: when the stone has sunk, ploughs on or touches the ground. Truncated after 5 s.
     """
 
     frame_skip_default = 10
@@ -41,11 +41,13 @@ class ThrowerTask(Task):
 
     def spec(self) -> mujoco.MjSpec:
         """The shipped scene."""
-        return mujoco.MjSpec.from_file(str(shipped_scenes()["thrower"]))
+        spec = mujoco.MjSpec.from_file(str(shipped_scenes()["thrower"]))
+        add_contact_sensor(spec)
+        return spec
 
-    def sensor(self) -> int:
-        """The wetted area."""
-        return int(self.model.sensor("water").adr[0]) + 6
+    def sensors(self) -> Sensors:
+        """The wetted area and the contacts."""
+        return stone_sensors(self.model)
 
     def bounds(self) -> tuple[list[float], list[float]]:
         """Of the observation."""
@@ -88,11 +90,11 @@ class ThrowerTask(Task):
                 self._thrown.let_go(int(row), simulation.qpos)
 
     def judge(
-        self, simulation: Simulation, rows: Rows, wet: Flags | None, reward: Array, over: Flags
+        self, simulation: Simulation, rows: Rows, seen: Flags | None, reward: Array, over: Flags
     ) -> None:
-        """Skips and metres; over when the stone has sunk or ploughs on."""
-        assert wet is not None
-        self._thrown.judge(rows, wet, np.ascontiguousarray(simulation.qpos), reward, over)
+        """Skips and metres; over when the stone has sunk, ploughs on or touches the ground."""
+        assert seen is not None
+        self._thrown.judge(rows, seen, np.ascontiguousarray(simulation.qpos), reward, over)
         self._time[rows] += self.interval
 
     def observe(self, simulation: Simulation, observation: Array) -> None:

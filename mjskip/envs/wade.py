@@ -78,7 +78,7 @@ class WadeTask(Task):
         self._action = action
 
     def judge(
-        self, simulation: Simulation, rows: Rows, wet: Flags | None, reward: Array, over: Flags
+        self, simulation: Simulation, rows: Rows, seen: Flags | None, reward: Array, over: Flags
     ) -> None:
         """How far it came, and whether it fell."""
         kernels.judge_wade(

@@ -48,7 +48,7 @@ class Episodes:
         space = task.observation_space
         self._low, self._high = space.low, space.high
         self._observation = np.zeros((count, *(space.shape or ())))
-        self._sensor = task.sensor()
+        self._sensors = task.sensors()
         self._action = np.zeros((count, *(task.action_space.shape or ())))
         self.reward = np.zeros(count)
         self.over = np.zeros(count, np.bool_)
@@ -102,8 +102,8 @@ class Episodes:
     def _block(self, rows: Rows) -> None:
         """`frame_skip` steps; a row that diverged is over."""
         simulation, task = self.simulation, self.task
-        wet = simulation.advance(rows, task.frame_skip, self._sensor)
-        task.judge(simulation, rows, wet, self.reward, self.over)
+        seen = simulation.advance(rows, task.frame_skip, self._sensors)
+        task.judge(simulation, rows, seen, self.reward, self.over)
         lost = simulation.lost(rows)
         if len(lost):
             self.over[lost] = True

@@ -32,7 +32,12 @@ QUADRATURE = 27  # 1: loads are integrated over each triangle, 0: taken at its c
 N_PLANES = 28  # plane faces, if the law needs them
 PLANES = 29  # where they begin in the block
 MOST_EDGES = 30  # of one of them
-HEADER = 31
+ADDED_MASS = 31  # rho times the share of the water that moves with wet plates
+GRAVITY = 32  # [m/s^2], for that alone, as what follows
+INVERSE_MASS = 33
+INERTIA = 34  # (9)
+INVERSE_INERTIA = 43  # (9)
+HEADER = 52
 
 CORNERS = 0  # a, b, c (9)
 AREA = 9

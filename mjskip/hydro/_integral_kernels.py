@@ -84,7 +84,10 @@ def add_polygon(
         found: INTEGRALS that are added to.
     """
     cut = as_doubles(stack_doubles(POINT * MOST_POINTS))
-    if block[LOCAL_GATE] == 0.0 and block[CAVITY] == 0.0:
+    advances = True
+    for i in range(count):
+        advances = advances and points[POINT * i + 2] > 0.0
+    if advances or (block[LOCAL_GATE] == 0.0 and block[CAVITY] == 0.0):
         _add_fan(block, speed, points, count, weight, found)
         return
     if block[LOCAL_GATE] == 0.0:  # a cavity's load is odd in v, each side smooth

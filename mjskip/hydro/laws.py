@@ -17,6 +17,7 @@ strips along the motion (`mjskip.hydro._strip_kernels`) and F is integrated over
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,4 +85,58 @@ LAWS: dict[str, ForceLaw] = {
         source="Birkhoff et al., 1944, and Johnson & Reid, J. Mech. Eng. Sci. 17:71, 1975, as quoted by others: "
         "1/2 rho (V.n)^2 on a sphere",
     ),
+    "none": ForceLaw(
+        source="no load beside hydrostatics, waves and friction: for what floats and radiates",
+    ),
 }
+
+
+class Advice(NamedTuple):
+    """Which law to take for a kind of body.
+
+    Attributes:
+        body: the kind.
+        water: arguments of `Water`.
+        error: what to expect, from docs/validation.md.
+    """
+
+    body: str
+    water: str
+    error: str
+
+
+ADVICE = (
+    Advice(
+        "thin disc, flat stone",
+        'law="rayleigh1876_forward"',
+        "contact +6%, slowest speed -15%; trout and dive right, surf wrong",
+    ),
+    Advice(
+        "pebble, the paper's figures",
+        "(the default, lee2010)",
+        "the paper's law; a real disc's slowest speed +40%",
+    ),
+    Advice(
+        "sphere",
+        'law="birkhoff1944"',
+        "ricochet angle +5%, drag under water +15%; the first slam far too soft",
+    ),
+    Advice(
+        "boat, duck, raft",
+        "Water.floating()",
+        "draft and righting exact; planing lift -40 to -80%, or +15 to +75% by rosellini2005_forward",
+    ),
+    Advice(
+        "robot, paddle, fast spin",
+        "Water.floating(quadrature=True)",
+        "drag of a plate broadside +80% (birkhoff1944: -11%); slamming too soft by 3 and more",
+    ),
+)
+"""What the first lines of docs/validation.md and `mjskip laws` say; tests hold it to the page's own figures."""
+
+
+def advice_table() -> str:
+    """`ADVICE` as a table in Markdown."""
+    rows = [("for", "water", "expected error"), ("---", "---", "---")]
+    rows += [(a.body, f"`{a.water}`" if a.water[0] != "(" else a.water, a.error) for a in ADVICE]
+    return "\n".join(f"| {' | '.join(row)} |" for row in rows)

@@ -11,6 +11,7 @@ from mjskip._typing import Array
 from mjskip.hydro import _block as layout
 from mjskip.hydro.hull import Hull
 from mjskip.hydro.laws import LAWS
+from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
 
 
@@ -35,6 +36,19 @@ def pack(stone: Hull, water: Water, *, gravity: float = 9.81) -> Array:
     header[layout.DISC_AREA] = stone.disc_area
     header[layout.DISC_NORMAL : layout.DISC_NORMAL + 3] = stone.disc_normal
     header[layout.DISC_CENTRE : layout.DISC_CENTRE + 3] = stone.disc_centre
+    if water.added_mass:
+        if not isinstance(stone, Stone):
+            raise ValueError(
+                f"added_mass is {water.added_mass:g}, which needs a body that is free and its mass: throw a Stone by the reference "
+                "engine or in a sweep, and leave it off in MuJoCo"
+            )
+        header[layout.ADDED_MASS] = water.added_mass * water.density
+        header[layout.GRAVITY] = gravity
+        header[layout.INVERSE_MASS] = 1.0 / stone.mass
+        header[layout.INERTIA : layout.INERTIA + 9] = stone.inertia.ravel()
+        header[layout.INVERSE_INERTIA : layout.INVERSE_INERTIA + 9] = np.linalg.inv(
+            stone.inertia
+        ).ravel()
     return block_of(header, stone.triangles)
 
 

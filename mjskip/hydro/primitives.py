@@ -31,8 +31,8 @@ def box(size: npt.ArrayLike) -> Any:
 
 
 def ellipsoid(size: npt.ArrayLike, resolution: int = RESOLUTION) -> Any:
-    """An ellipsoid of half axes (3,) [m]: an octahedron whose faces are divided, 8 (resolution / 4 + 1)^2 faces."""
-    n = max(2, round(resolution / 4.0) + 1)
+    """An ellipsoid of half axes (3,) [m]: an octahedron whose faces are divided, 8 (resolution / 4)^2 faces."""
+    n = max(2, round(resolution / 4.0))
     vertices, faces = _octasphere(n)
     mesh = _mesh(vertices, faces)
     grow = (4.0 / 3.0 * math.pi / mesh.volume) ** (1.0 / 3.0)
@@ -64,23 +64,22 @@ def _octasphere(n: int) -> tuple[Array, npt.NDArray[np.int64]]:
 
 
 def cylinder(radius: float, half_length: float, resolution: int = RESOLUTION) -> Any:
-    """A cylinder along z [m]: 6 faces a segment."""
+    """A cylinder along z [m]: 4 faces a segment."""
     n = max(3, resolution)
     grow = math.sqrt(math.pi / (0.5 * n * math.sin(2.0 * math.pi / n)))
-    return _revolved([(0.0, half_length), (grow * radius, half_length), (grow * radius, 0.0)], n)
+    return _revolved([(0.0, half_length), (grow * radius, half_length)], n)
 
 
 def capsule(radius: float, half_length: float, resolution: int = RESOLUTION) -> Any:
-    """A capsule along z, `half_length` to the centres of its caps [m]: some 14 faces a segment."""
+    """A capsule along z, `half_length` to the centres of its caps [m]: 8 faces a segment, finer 4 more for every ring."""
     n = max(4, resolution)
-    rings = max(2, round(n / 4.0))
+    rings = max(2, round(n / 6.0))
     turns = 0.5 * np.pi * np.arange(rings) / rings
 
     def grown(grow: float) -> Any:
         r = grow * radius
         upper = [(r * math.sin(t), half_length + r * math.cos(t)) for t in turns]
-        shoulder = [(r, half_length)] if half_length > 0.0 else []
-        return _revolved([*upper, *shoulder, (r, 0.0)], n)
+        return _revolved([*upper, (r, half_length)], n)
 
     volume = math.pi * radius**2 * (2.0 * half_length + 4.0 / 3.0 * radius)
     grow = 1.0
@@ -94,29 +93,33 @@ def capsule(radius: float, half_length: float, resolution: int = RESOLUTION) -> 
 
 
 def _revolved(profile: Sequence[tuple[float, float]], segments: int) -> Any:
-    """Body of revolution, the same above and below: (radius, height) from the apex to the middle.
+    """Body of revolution, the same above and below: (radius, height) from the apex to the widest ring.
 
-    Neighbouring quadrangles are divided along opposite diagonals.
+    Neighbouring quadrangles are divided along opposite diagonals, so that planes through the axis and a vertex
+    mirror the mesh.
     """
     turn = 2.0 * np.pi * np.arange(segments) / segments
     rim = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(segments)])
-    rings = [rim * r + [0.0, 0.0, z] for r, z in profile[1:]]
-    vertices = np.vstack([*rings, [[0.0, 0.0, profile[0][1]]]])
+    both = [*profile[1:], *((r, -z) for r, z in reversed(profile[1:]) if z > 0.0)]
+    rings = [rim * r + [0.0, 0.0, z] for r, z in both]
+    apexes = np.array([[0.0, 0.0, profile[0][1]], [0.0, 0.0, -profile[0][1]]])
     here = np.arange(segments)
     after = np.roll(here, -1)
-    faces = [np.column_stack([np.full(segments, len(rings) * segments), here, after])]
+    top, last = np.full(segments, len(both) * segments), (len(both) - 1) * segments
+    faces = [
+        np.column_stack([top, here, after]),
+        np.column_stack([top + 1, last + after, last + here]),
+    ]
     even = (here % 2 == 0)[:, None]
-    for k in range(len(rings) - 1):
+    for k in range(len(both) - 1):
         a, b = k * segments + here, k * segments + after
         c, d = a + segments, b + segments
-        first = np.where(even, np.column_stack([a, c, d]), np.column_stack([a, c, b]))
-        second = np.where(even, np.column_stack([a, d, b]), np.column_stack([b, c, d]))
-        faces += [first, second]
-    upper = np.vstack(faces)
-    lower = vertices * [1.0, 1.0, -1.0]
-    mesh = _mesh(np.vstack([vertices, lower]), np.vstack([upper, upper[:, ::-1] + len(vertices)]))
-    mesh.merge_vertices()
-    return mesh
+        odd = even if 2 * k >= len(both) - 1 else ~even  # mirrored below
+        faces += [
+            np.where(odd, np.column_stack([a, c, d]), np.column_stack([a, c, b])),
+            np.where(odd, np.column_stack([a, d, b]), np.column_stack([b, c, d])),
+        ]
+    return _mesh(np.vstack([*rings, apexes]), np.vstack(faces))
 
 
 def _mesh(vertices: Any, faces: Any) -> Any:

@@ -24,7 +24,7 @@ from mjskip.errors import MeshError, MjskipWarning
 
 Faces = npt.NDArray[np.int32]
 
-FLAT = 1e-12
+FLAT = 1e-14
 """Triangles of less area than this times the square of the extent carry no load."""
 
 NO_VOLUME = 1e-9
@@ -44,7 +44,7 @@ def closed_mesh(
 ) -> Any:
     """A welded copy in metres, known to be closed, outward and solid.
 
-    Triangles without area are dropped once they have told whether the surface is closed.
+    Triangles without area stay: they keep it closed; see `with_area`.
 
     Args:
         mesh: a `trimesh.Trimesh`.
@@ -83,10 +83,15 @@ def closed_mesh(
         )
     if volume < 0.0:
         raise MeshError("the normals of the mesh point inwards: pass fix_normals=True to turn them")
-    flat = mesh.area_faces <= FLAT * extent**2
-    if flat.any():
-        mesh.update_faces(~flat)
     return mesh
+
+
+def with_area(vertices: Array, faces: Faces) -> Faces:
+    """The triangles that have an area: others carry no load and have no normal, but keep a surface closed."""
+    a, b, c = np.moveaxis(np.asarray(vertices)[faces], 1, 0)
+    areas = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    kept: Faces = faces[areas > FLAT * float(np.ptp(vertices, axis=0).max()) ** 2]
+    return kept
 
 
 def count_open_edges(faces: npt.NDArray[Any]) -> int:
@@ -160,8 +165,10 @@ def convex_hull(points: npt.ArrayLike) -> Any:
     points = np.asarray(points, np.float64)
     extent = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
     try:
-        hull = trimesh.convex.convex_hull(points)
-    except QhullError:
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)
+            hull = trimesh.convex.convex_hull(points)
+    except (QhullError, ValueError, IndexError):
         hull = None
     if hull is None or not abs(hull.volume) > NO_VOLUME * extent**3:
         raise MeshError("the mesh is flat, it has no volume: give it a thickness")
@@ -258,7 +265,7 @@ def union(parts: Sequence[Any]) -> Any:
     extent = max(float(np.ptp(piece.vertices, axis=0).max()) for piece in pieces)
     while True:
         whole = manifold3d.Manifold.batch_boolean(
-            [_manifold(piece) for piece in pieces], manifold3d.OpType.Add
+            [_manifold_or_hull(piece) for piece in pieces], manifold3d.OpType.Add
         )
         mesh = _surface(whole, extent)
         outside = without_voids(mesh)
@@ -275,6 +282,19 @@ def intersection_volume(a: Any, b: Any) -> float:
     if (low >= np.minimum(a.bounds[1], b.bounds[1])).any():
         return 0.0
     return float((_manifold(a) ^ _manifold(b)).volume())
+
+
+def _manifold_or_hull(mesh: Any) -> Any:
+    """A solid of a closed surface; its convex hull, with a warning, where triangles share edges beyond repair."""
+    try:
+        return _manifold(mesh)
+    except MeshError:
+        warnings.warn(
+            f"a part of {mesh.volume:.4g} m^3 is closed, but no manifold: its convex hull is taken instead",
+            MjskipWarning,
+            stacklevel=4,
+        )
+        return _manifold(convex_hull(mesh.vertices))
 
 
 def _manifold(mesh: Any) -> Any:
@@ -319,28 +339,43 @@ class Simplification:
     area_error: float
 
 
+AGGRESSIVE = (7.0, 3.0)
+"""Rates at which fast-simplification's threshold grows; the lower is the more careful."""
+
+TOLERANCES = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2)
+"""Of manifold3d's collapse of edges, in extents."""
+
+WORST_VOLUME, WORST_AREA = 0.1, 0.1
+"""Relative errors beyond which a simpler surface is not taken: of volume, and of area once that is put right."""
+
+
 def simplify(mesh: Any, max_faces: int) -> tuple[Any, Simplification]:
-    """A closed surface of at most some triangles and of the same volume.
+    """A closed surface of the same volume and of at most some triangles, or the fewest that keep its shape.
 
     Edges are collapsed by the quadric error (Garland & Heckbert 1997, fast-simplification); where that opens
-    the surface, within a growing tolerance by manifold3d, which never does. Then the surface is scaled about
-    the centroid of its volume.
+    the surface or spoils its volume or area, within a tolerance by manifold3d, which keeps it closed. Then the surface
+    is scaled about the centroid of its volume.
     """
-    import fast_simplification
-
-    volume, area, centre = float(mesh.volume), float(mesh.area), np.array(mesh.center_mass)
     size = float(np.ptp(mesh.vertices, axis=0).max())
-    points, faces = fast_simplification.simplify(
-        np.ascontiguousarray((mesh.vertices - centre) / size, np.float32),
-        np.ascontiguousarray(mesh.faces, np.int32),
-        target_count=max_faces,
-    )
-    small = trimesh.Trimesh(
-        np.asarray(points, np.float64) * size + centre, np.asarray(faces, np.int64), process=False
-    )
-    error = abs(small.volume / volume - 1.0)
-    if len(small.faces) > max_faces or not is_closed(small) or error > 0.1:
-        small = _simplified_within(mesh, size, max_faces)
+    small = mesh
+    for rate in AGGRESSIVE:
+        found = _collapsed(mesh, size, max_faces, rate)
+        if len(found.faces) <= max_faces and _keeps_shape(found, mesh):
+            small = found
+            break
+    else:
+        solid = _manifold_or_hull(mesh)
+        for tolerance in TOLERANCES:
+            found = _surface(solid.simplify(tolerance * size), 0.0)
+            if not _keeps_shape(found, mesh):
+                break
+            small = found
+            if len(small.faces) <= max_faces:
+                break
+        if len(small.faces) > max_faces:
+            found = _collapsed(small, size, max_faces, 1.0)
+            small = found if _keeps_shape(found, mesh) else small
+    volume, area, centre = float(mesh.volume), float(mesh.area), np.array(mesh.center_mass)
     volume_error = float(small.volume) / volume - 1.0
     grow = (volume / float(small.volume)) ** (1.0 / 3.0)
     middle = np.array(small.center_mass)
@@ -352,18 +387,29 @@ def simplify(mesh: Any, max_faces: int) -> tuple[Any, Simplification]:
     )
 
 
-def _simplified_within(mesh: Any, size: float, max_faces: int) -> Any:
-    solid, tolerance = _manifold(mesh), 1e-5 * size
-    small = mesh
-    while tolerance < 0.2 * size:
-        found = _surface(solid.simplify(tolerance), 0.0)
-        if len(found.faces) < 4 or not found.volume > 0.0:
-            break
-        small = found
-        if len(small.faces) <= max_faces:
-            break
-        tolerance *= 1.5
-    return small
+def _collapsed(mesh: Any, size: float, max_faces: int, rate: float) -> Any:
+    """What fast-simplification makes of a surface; it may be open."""
+    import fast_simplification
+
+    centre = mesh.vertices.mean(axis=0)
+    points, faces = fast_simplification.simplify(
+        np.ascontiguousarray((mesh.vertices - centre) / size, np.float32),
+        np.ascontiguousarray(mesh.faces, np.int32),
+        target_count=max_faces,
+        agg=rate,
+    )
+    vertices = np.asarray(points, np.float64) * size + centre
+    return trimesh.Trimesh(vertices, np.asarray(faces, np.int64), process=False)
+
+
+def _keeps_shape(small: Any, mesh: Any) -> bool:
+    """Whether a simpler surface is closed, and near the volume and area of the one that it stands for."""
+    if len(small.faces) < 4 or not is_closed(small):
+        return False
+    part = float(small.volume / mesh.volume)
+    if abs(part - 1.0) > WORST_VOLUME:
+        return False
+    return bool(abs(small.area / mesh.area / part ** (2.0 / 3.0) - 1.0) <= WORST_AREA)
 
 
 def capped(mesh: Any) -> Any:

@@ -153,7 +153,7 @@ class Stone(Hull):
             MeshError: the mesh has inverted normals or no volume, or it is open (strict).
             ValueError: density, mass or scale is not a positive number, or both are given.
         """
-        from mjskip.hydro.solids import closed_mesh, without_voids
+        from mjskip.hydro.solids import closed_mesh, with_area, without_voids
 
         check_positive(scale=scale)
         mesh = closed_mesh(_read(mesh), scale=scale, fix_normals=fix_normals, strict=strict)
@@ -171,7 +171,7 @@ class Stone(Hull):
         outside = without_voids(mesh)
         return cls.of_parts(
             vertices=np.asarray(outside.vertices, dtype=np.float64),
-            faces=np.asarray(outside.faces, dtype=np.int32),
+            faces=with_area(outside.vertices, np.asarray(outside.faces, dtype=np.int32)),
             mass=float(mesh.mass),
             centre=np.asarray(mesh.center_mass, dtype=np.float64),
             inertia=np.asarray(mesh.moment_inertia, dtype=np.float64),

@@ -201,7 +201,7 @@ def draw(
     if view != FOLLOW:
         x, y, _ = (0.5 * (thrown.chosen.x[0] + thrown.chosen.x[-1])).tolist()
     place = water.place(x, y)
-    surface = water.vertices(frame.lake, middle=place)
+    surface = water.vertices(frame.water, middle=place)
     surface[:, 2] *= RAISED
     nodes["water"].vertices = surface
     nodes["water"].position = (*place, 0.0)

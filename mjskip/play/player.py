@@ -10,9 +10,10 @@ from dataclasses import dataclass
 
 from mjskip._typing import Array
 from mjskip.play.thrown import ThrowResult
+from mjskip.throws.rings import recorded_rings
 from mjskip.throws.trajectory import Trajectory, pose_at
-from mjskip.throws.wake import Wake
-from mjskip.waves.lake import Lake
+from mjskip.waves.field import HeightField
+from mjskip.waves.recording import SurfaceFrames
 
 AFTER = 4.0
 """How long rings are shown after the stone's run is over [s]."""
@@ -22,10 +23,6 @@ FPS = 30.0
 
 SLOWING, SINKING = 0.5, 0.35
 """After its run a stone goes on for about this time [s], and sinks at this speed [m/s]."""
-
-MOST_AT_ONCE = 0.2
-"""Time that the water moves on between two frames at most [s]: if the machine cannot keep up with it, the
-show falls behind and says so, instead of falling silent."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,8 +34,7 @@ class Frame:
         time: of the run [s].
         poses: centre of mass (3,) [m] and orientation (4,) by body.
         touches: of the chosen stone until now.
-        lake: the water as it is now; only to be read, and only until the next frame.
-        late: how far the show is behind the clock because the machine is too slow [s].
+        water: as it was then.
         last: whether no other follows.
     """
 
@@ -46,8 +42,7 @@ class Frame:
     time: float
     poses: Mapping[str, tuple[Array, Array]]
     touches: int
-    lake: Lake
-    late: float
+    water: HeightField
     last: bool
 
 
@@ -57,7 +52,6 @@ class Pace:
     def __init__(self, clock: Callable[[], float], *, slow: float = 1.0) -> None:
         self._clock = clock
         self._since, self._from, self.factor = clock(), 0.0, slow
-        self.late = 0.0
 
     @property
     def time(self) -> float:
@@ -68,40 +62,29 @@ class Pace:
         """Go on this many times slower than the clock."""
         self._from, self._since, self.factor = self.time, self._clock(), factor
 
-    def hold(self, until: float) -> None:
-        """Fall behind the clock: it is only `until` now."""
-        self.late += max(0.0, self.time - until)
-        self._from, self._since = until, self._clock()
-
 
 class Replay:
-    """A run shown again, water and all; time only goes forward."""
+    """A run shown again, with the water that was recorded with it."""
 
     def __init__(self, thrown: ThrowResult) -> None:
         self.thrown = thrown
-        self.lake = _lake(thrown)
         flights = list(thrown.flights.values())
-        self._wake = Wake(self.lake, flights, density=thrown.scene.water.density)
+        self._water = thrown.chosen.surface or recorded_rings(
+            thrown.scene, flights, surface_frames()
+        )
         self.end = max(float(flight.time[-1]) for flight in flights) + AFTER
 
-    @property
-    def time(self) -> float:
-        """Of the run, as far as it is shown [s]."""
-        return self._wake.time
-
-    def advance(self, until: float, *, late: float = 0.0) -> Frame:
-        """Move on to a time [s]."""
-        until = min(until, self.end)
-        self._wake.advance(until)
+    def at(self, time: float) -> Frame:
+        """The frame at a time [s]."""
+        time = min(time, self.end)
         contacts = self.thrown.chosen.contacts
         return Frame(
             thrown=self.thrown,
-            time=until,
-            poses={name: pose_after(flight, until) for name, flight in self.thrown.flights.items()},
-            touches=sum(contact.entry.time <= until for contact in contacts),
-            lake=self.lake,
-            late=late,
-            last=until >= self.end,
+            time=time,
+            poses={name: pose_after(flight, time) for name, flight in self.thrown.flights.items()},
+            touches=sum(contact.entry.time <= time for contact in contacts),
+            water=self._water.at(time),
+            last=time >= self.end,
         )
 
 
@@ -120,14 +103,9 @@ def pose_after(flight: Trajectory, time: float) -> tuple[Array, Array]:
     return position + ahead - [0.0, 0.0, SINKING * late], attitude
 
 
-def _lake(thrown: ThrowResult) -> Lake:
-    """Water to show: the scene's, endless where it has walls that a lake of tiles cannot have."""
-    try:
-        return thrown.scene.lake()
-    except ValueError:
-        grid = thrown.scene.grid
-        kept = {k: grid[k] for k in ("spacing", "wave_speed", "damping") if k in grid}
-        return Lake(**kept)
+def surface_frames() -> SurfaceFrames:
+    """The moments of the water that a show needs."""
+    return SurfaceFrames(rate=FPS, linger=AFTER)
 
 
 class Player:
@@ -212,9 +190,7 @@ class Player:
         pace = Pace(self._clock, slow=self._slow)
         while True:
             begun = self._clock()
-            if pace.time > replay.time + MOST_AT_ONCE:
-                pace.hold(replay.time + MOST_AT_ONCE)
-            frame = replay.advance(pace.time, late=pace.late)
+            frame = replay.at(pace.time)
             self._draw(frame)
             if frame.last:
                 return

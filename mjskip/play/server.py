@@ -171,5 +171,5 @@ def _warm_up(thrower: Thrower) -> None:
 
     replay = Replay(thrower.throw(Settings.of_scene(thrower.scene)))
     contacts = replay.thrown.chosen.contacts
-    frame = replay.advance(contacts[0].entry.time + 0.05 if contacts else 0.05)
-    DrawnWater().vertices(frame.lake, middle=(0.0, 0.0))
+    frame = replay.at(contacts[0].entry.time + 0.05 if contacts else 0.05)
+    DrawnWater().vertices(frame.water, middle=(0.0, 0.0))

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from mjskip._typing import Array
 from mjskip.draw._draw_kernels import box_means
-from mjskip.waves.lake import Lake
+from mjskip.waves.field import HeightField
 
 SHAPE = (300, 100)
 """Vertices along the throw and across it."""
@@ -37,7 +37,7 @@ def axis(count: int, even: int, step: float) -> Array:
 
 
 class DrawnWater:
-    """Heights of a lake at the vertices of a grid that moves in whole steps, so that nothing shimmers."""
+    """Heights of a water surface at the vertices of a grid that moves in whole steps, so that nothing shimmers."""
 
     def __init__(self, step: float = STEP) -> None:
         """A grid, even in the middle with this step [m]."""
@@ -59,17 +59,17 @@ class DrawnWater:
         return self.step * round(x / self.step), self.step * round(y / self.step)
 
     def vertices(
-        self, lake: Lake | None, *, middle: tuple[float, float]
+        self, field: HeightField | None, *, middle: tuple[float, float]
     ) -> npt.NDArray[np.float32]:
-        """Vertices (30000, 3) [m] relative to the middle of the grid; still water without a lake."""
+        """Vertices (30000, 3) [m] relative to the middle of the grid; still water without a field."""
         found = np.zeros((SHAPE[0] * SHAPE[1], 3), np.float32)
         found[:, 0] = np.repeat(self._axes[0], SHAPE[1])
         found[:, 1] = np.tile(self._axes[1], SHAPE[0])
-        if lake is None:
+        if field is None:
             return found
-        spacing = lake.spacing
+        spacing = field.spacing
         cells = tuple(int(2.0 * reach / spacing) + 4 for reach in self._reach)
-        window, x, y = lake.window(*middle, (cells[0], cells[1]))
+        window, x, y = field.window(*middle, (cells[0], cells[1]))
         boxes = [
             (box + at - (float(cell[0]) - 0.5 * spacing)) / spacing
             for box, at, cell in zip(self._boxes, middle, (x, y), strict=True)

@@ -14,7 +14,7 @@ import numpy as np
 from mjskip.errors import MjskipError
 from mjskip.hydro.laws import LAWS
 from mjskip.play import look
-from mjskip.play.player import Frame, Player
+from mjskip.play.player import Frame, Player, surface_frames
 from mjskip.play.settings import NUMBERS, STONES, THROW, Settings
 from mjskip.play.surface import DrawnWater
 from mjskip.play.thrown import Thrower, ThrowResult, table
@@ -114,7 +114,7 @@ class Tab:
             return
         try:
             self._status("working it out …")
-            thrown = self._thrower.throw(settings)
+            thrown = self._thrower.throw(settings, record=surface_frames())
         except (MjskipError, ValueError) as error:
             self._status("")
             self._complain(" ".join(str(error).split()))
@@ -147,8 +147,7 @@ class Tab:
                 forces=bool(self._controls["forces"].value),
             )  # fmt: skip
         self.frames += 1
-        late = f"; {frame.late:.1f} s behind the clock: this machine is slow"
-        self._clock(f"{frame.time:.2f} s{late if frame.late >= 0.5 else ''}")
+        self._clock(f"{frame.time:.2f} s")
 
     def _still(self) -> None:
         look.still(self._nodes, self._water, self._thrower.scene, self._start.throw)

@@ -19,6 +19,7 @@ from mjskip.throws.report import COLUMNS, skip_rows
 from mjskip.throws.scene import Scene, load_scene, shipped_scenes
 from mjskip.throws.simulate import simulate_all
 from mjskip.throws.trajectory import Trajectory
+from mjskip.waves.recording import SurfaceFrames
 
 MOST_STONES = 100
 """Stones of different size that a playground keeps; then it forgets the oldest."""
@@ -76,8 +77,12 @@ class Thrower:
         """Throw the made stones away."""
         self._folder.cleanup()
 
-    def throw(self, settings: Settings) -> ThrowResult:
+    def throw(self, settings: Settings, *, record: SurfaceFrames | None = None) -> ThrowResult:
         """Throw, and wait until the run is known: some 50 ms on still water.
+
+        Args:
+            settings: what was asked for.
+            record: the moments of the water that are to be shown.
 
         Raises:
             ValueError: the scene cannot do what the settings ask for.
@@ -91,7 +96,7 @@ class Thrower:
             if scene.water.law != settings.law:
                 scene = replace(scene, water=replace(scene.water, law=settings.law))
             surface: Any = settings.surface
-            flights = simulate_all(scene, surface=surface)
+            flights = simulate_all(scene, surface=surface, record=record)
         return ThrowResult(
             settings=settings,
             scene=scene,

@@ -4,31 +4,29 @@ from __future__ import annotations
 
 import copy
 import ctypes
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from types import TracebackType
 from typing import Protocol
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
-from mjskip.coupling._free_joint_kernels import free_motion, hop
+from mjskip._typing import Array
 from mjskip.coupling._struct_layout import library
 from mjskip.coupling.attach import Coupling, attach
 from mjskip.coupling.bodies import find_body
-from mjskip.coupling.wet import THROWN
+from mjskip.coupling.wet import THROWN, centre_of_mass
 from mjskip.errors import DivergedError, SceneError
-from mjskip.hydro.wrench import entry_address
+from mjskip.hydro.wrench import entry_address, wrench_address
 from mjskip.rigid.attitude import matrices
 from mjskip.rigid.state import STATE
+from mjskip.throws import _engine_kernels as kernels
+from mjskip.throws.kick import KickedStones
 from mjskip.throws.reference import PURE_INTEGRATORS, Integrator
 from mjskip.throws.scene import Scene
 from mjskip.throws.throw import State
-
-Array = npt.NDArray[np.float64]
-Motion = dict[str, Array]
-"""States (n, 18) for the force kernel, by body."""
+from mjskip.waves.coupled import CoupledWater
 
 INTEGRATORS: dict[str, int] = {
     "Euler": mujoco.mjtIntegrator.mjINT_EULER,
@@ -36,6 +34,9 @@ INTEGRATORS: dict[str, int] = {
     "implicit": mujoco.mjtIntegrator.mjINT_IMPLICIT,
     "RK4": mujoco.mjtIntegrator.mjINT_RK4,
 }
+
+KICK = "kick"
+"""What the pure integrator does over waves: see `mjskip.waves._coupled_kernels.kick_step`."""
 
 FROZEN = 1e12
 """Factor on the inertia of a stone that must not turn: its turn over a throw is below rounding."""
@@ -46,31 +47,45 @@ class Engine(Protocol):
 
     Attributes:
         integrator: its name.
-        blocks: what the force kernel knows of each body, by name; a patch of surface may be put there.
+        names: of the stones, in the order of their states.
+        stages: evaluations of the forces in a step; 0 if it finds the loads of waves itself.
+        acts: whether an arm must be moved before each step.
     """
 
     integrator: str
-    blocks: Mapping[str, Array]
+    names: tuple[str, ...]
+    stages: int
+    acts: bool
 
     @property
-    def hop(self) -> tuple[int, Array] | None:
-        """What steps it in compiled code, if anything can, and its context: see `mjskip.coupling._free_joint_kernels.hop`."""
+    def step(self) -> int:
+        """Address of a C function void(context, states after a step, unused)."""
 
-    def start(self) -> Motion:
-        """States (1, 18) as the stones leave the hand."""
+    @property
+    def context(self) -> Array:
+        """What to hand to it."""
 
-    def advance(self, steps: int) -> Motion:
-        """Move on by some steps: states (steps, 18) after each."""
+    def states(self) -> Array:
+        """States (n, 18) of the stones as they are."""
+
+    def advance(self, steps: int) -> Array:
+        """Move on over still water by some steps: states (steps, n, 18) after each."""
+
+    def before_step(self) -> None:
+        """Move the arm."""
+
+    def couple(self, water: CoupledWater) -> None:
+        """Have the loads from moving water from now on."""
 
     def check(self) -> None:
         """Raise DivergedError if a force or a state was not finite since the start."""
 
 
-def releases(scene: Scene) -> dict[str, State]:
+def release_states(scene: Scene) -> dict[str, State]:
     """How every stone leaves the hand, above the place where the scene has it; not those an arm holds."""
     found = {}
     for name, stone in scene.stones.items():
-        if name in scene.held:
+        if scene.afloat or name in scene.held:
             continue
         body = scene.model.body(find_body(scene.model, name))
         found[name] = scene.throws[name].state(stone, x=float(body.pos[0]), y=float(body.pos[1]))
@@ -78,35 +93,49 @@ def releases(scene: Scene) -> dict[str, State]:
 
 
 class ReferenceEngine:
-    """The pure integrator, a stone at a time: it knows no contacts."""
+    """The pure integrator: it knows no contacts. Over still water a stone at a time."""
+
+    stages, acts = 0, False
 
     def __init__(
-        self, scene: Scene, integrator: str | None, timestep: float, *, frozen_attitude: bool
+        self,
+        scene: Scene,
+        integrator: str | None,
+        timestep: float,
+        *,
+        frozen_attitude: bool,
+        over_waves: bool = False,
     ) -> None:
         """Take the stones of a scene.
 
         Raises:
             ValueError: there is no such integrator.
         """
-        self.integrator = integrator or "rk4"
-        if self.integrator not in PURE_INTEGRATORS:
+        known = (KICK,) if over_waves else PURE_INTEGRATORS
+        self.integrator = integrator or (KICK if over_waves else "rk4")
+        if self.integrator not in known:
+            where = "over waves" if over_waves else "over still water"
             raise ValueError(
-                f"integrator is {integrator!r}: the reference engine has {', '.join(PURE_INTEGRATORS)}"
+                f"integrator is {integrator!r}: the reference engine has {', '.join(known)} {where}"
             )
-        gravity = scene.model.opt.gravity
-        self._stones = {
-            name: Integrator(
-                scene.stones[name],
-                start,
-                water=scene.water_of(name),
-                integrator=self.integrator,
-                timestep=timestep,
-                gravity=(float(gravity[0]), float(gravity[1]), float(gravity[2])),
+        gravity, starts = scene.model.opt.gravity.copy(), release_states(scene)
+        self.names = tuple(starts)
+        stones = [scene.stones[name] for name in self.names]
+        self._kicked: KickedStones | None = None
+        self._stones: list[Integrator] = []
+        if over_waves:
+            self._kicked = KickedStones(
+                stones, [starts[name] for name in self.names], timestep=timestep, gravity=gravity,
                 frozen_attitude=frozen_attitude,
-            )
-            for name, start in releases(scene).items()
-        }
-        self.blocks: Mapping[str, Array] = {n: stone.block for n, stone in self._stones.items()}
+            )  # fmt: skip
+        else:
+            self._stones = [
+                Integrator(
+                    stone, starts[name], water=scene.water_of(name), integrator=self.integrator,
+                    timestep=timestep, gravity=gravity, frozen_attitude=frozen_attitude,
+                )
+                for name, stone in zip(self.names, stones, strict=True)
+            ]  # fmt: skip
 
     def __enter__(self) -> ReferenceEngine:
         return self
@@ -114,33 +143,58 @@ class ReferenceEngine:
     def __exit__(self, *_: object) -> None:
         return None
 
-    def start(self) -> Motion:
-        """States (1, 18) as the stones leave the hand."""
-        return {name: stone.start() for name, stone in self._stones.items()}
+    @property
+    def step(self) -> int:
+        """What steps the stones over waves."""
+        assert self._kicked is not None
+        return self._kicked.step
 
-    def advance(self, steps: int) -> Motion:
-        """Move on by some steps: states (steps, 18) after each."""
-        return {name: stone.advance(steps) for name, stone in self._stones.items()}
+    @property
+    def context(self) -> Array:
+        """What to hand to it."""
+        assert self._kicked is not None
+        return self._kicked.context
+
+    def states(self) -> Array:
+        """States (n, 18) of the stones as they are."""
+        if self._kicked is not None:
+            return self._kicked.states()
+        return np.concatenate([stone.start() for stone in self._stones])
+
+    def advance(self, steps: int) -> Array:
+        """Move on over still water by some steps: states (steps, n, 18) after each."""
+        return np.stack([stone.advance(steps) for stone in self._stones], axis=1)
+
+    def before_step(self) -> None:
+        """There is no arm."""
+
+    def couple(self, water: CoupledWater) -> None:
+        """Have the loads from moving water from now on."""
+        assert self._kicked is not None
+        self._kicked.couple(water)
 
     def check(self) -> None:
         """What is not finite here shows in the states."""
-
-    @property
-    def hop(self) -> None:
-        """It steps in compiled code already, but a stone at a time."""
 
 
 class MujocoEngine:
     """MuJoCo, with water on the scene's stones while the context is open: attached, or its plugin's own."""
 
     def __init__(
-        self, scene: Scene, integrator: str | None, timestep: float, *, frozen_attitude: bool
+        self,
+        scene: Scene,
+        integrator: str | None,
+        timestep: float,
+        *,
+        frozen_attitude: bool,
+        over_waves: bool = False,
     ) -> None:
-        """Make a model and data of this engine's own.
+        """Make a model and data of this engine's own; over waves, `couple` it before its first step.
 
         Raises:
             ValueError: there is no such integrator.
         """
+        del over_waves
         model = copy.copy(scene.model)
         if integrator is not None:
             if integrator not in INTEGRATORS:
@@ -149,6 +203,7 @@ class MujocoEngine:
                 )
             model.opt.integrator = INTEGRATORS[integrator]
         self.integrator = next(n for n, code in INTEGRATORS.items() if code == model.opt.integrator)
+        self.stages = 4 if self.integrator == "RK4" else 1
         model.opt.timestep = timestep
         self.model, self.data = model, mujoco.MjData(model)
         if frozen_attitude:
@@ -156,47 +211,27 @@ class MujocoEngine:
                 model.body_inertia[find_body(model, name)] *= FROZEN
             mujoco.mj_setConst(model, self.data)
             mujoco.mj_resetData(model, self.data)
-        self._free = {name: _FreeBody(model, name) for name in scene.stones}
-        for name, start in releases(scene).items():
-            self._free[name].place(self.data, start)
-        self._qpos, self._qvel = (
-            self.data.qpos,
-            self.data.qvel,
-        )  # views: every look-up makes them anew
+        self.names = tuple(scene.stones)
+        self.context = _context(model, self.data, self.names)
+        for name, start in release_states(scene).items():
+            _place(model, self.data, name, start)
         self._sound = 0.0  # when it was last checked: MuJoCo's own clock begins anew if it diverges
         self._arm = scene.arm
-        self._acts = bool(scene.arm.controls or scene.arm.release_times)
+        self._afloat = scene.afloat
+        self.acts = bool(scene.arm.controls or scene.arm.release_times)
         self._water = None if scene.plugged else scene.water
         self._open = ExitStack()
         self._coupling: Coupling | None = None
-        self.blocks: Mapping[str, Array] = {}
 
     def __enter__(self) -> MujocoEngine:
         self._open.enter_context(_unlogged())
         if self._water is not None:
-            names = list(self._free)
-            water = attach(
-                self.model, self.data, water=self._water, bodies=names, max_faces=THROWN.max_faces
-            )
-            self._coupling = self._open.enter_context(water)
-            self.blocks = dict(zip(names, self._coupling.blocks, strict=True))
+            coupling = attach(
+                self.model, self.data, water=self._water,
+                bodies=None if self._afloat else list(self.names), max_faces=THROWN.max_faces,
+            )  # fmt: skip
+            self._coupling = self._open.enter_context(coupling)
         return self
-
-    @property
-    def hop(self) -> tuple[int, Array] | None:
-        """Only of a model that is nothing but one stone, where a step cannot fail for want of memory."""
-        if self._acts or self.model.nv != 6 or len(self._free) != 1:
-            return None
-        (body,) = self._free.values()
-        words = [
-            ctypes.cast(library.mj_step, ctypes.c_void_p).value or 0,
-            self.model._address,
-            self.data._address,
-            self._qpos.ctypes.data,
-            self._qvel.ctypes.data,
-        ]
-        centre = body.centre.astype(np.float64).view(np.int64).tolist()
-        return entry_address(hop), np.array([*words, *centre], np.int64).view(np.float64)
 
     def __exit__(
         self,
@@ -206,23 +241,40 @@ class MujocoEngine:
     ) -> None:
         self._open.__exit__(kind, error, trace)
 
-    def start(self) -> Motion:
-        """States (1, 18) as the stones leave the hand."""
-        return self._states(self._qpos[None], self._qvel[None])
+    @property
+    def step(self) -> int:
+        """Address of `mujoco_step`."""
+        return entry_address(kernels.mujoco_step)
 
-    def advance(self, steps: int) -> Motion:
-        """Move on by some steps: states (steps, 18) after each."""
-        model, data = self.model, self.data
-        if steps == 1 and not self._acts:  # over waves there are thousands of these
-            mujoco.mj_step(model, data)
-            return self._states(self._qpos[None], self._qvel[None])
-        qpos, qvel = np.empty((steps, model.nq)), np.empty((steps, model.nv))
-        for row in range(steps):
-            if self._acts:
-                self._arm.act(model, data)
-            mujoco.mj_step(model, data)
-            qpos[row], qvel[row] = self._qpos, self._qvel
-        return self._states(qpos, qvel)
+    def states(self) -> Array:
+        """States (n, 18) of the stones as they are."""
+        states = np.empty((1, len(self.names), STATE))
+        kernels.advance(entry_address(kernels.mujoco_states), self.context, states)
+        return np.asarray(states[0])
+
+    def advance(self, steps: int) -> Array:
+        """Move on over still water by some steps: states (steps, n, 18) after each."""
+        states = np.empty((steps, len(self.names), STATE))
+        if self.model.nv == 6 * len(self.names) and not self.acts:
+            kernels.advance(self.step, self.context, states)
+            return states
+        for row in states:  # what may run out of memory is stepped where MuJoCo's errors are caught
+            self.before_step()
+            mujoco.mj_step(self.model, self.data)
+            row[:] = self.states()
+        return states
+
+    def before_step(self) -> None:
+        """Move the arm."""
+        if self.acts:
+            self._arm.act(self.model, self.data)
+
+    def couple(self, water: CoupledWater) -> None:
+        """Have the loads from moving water from now on."""
+        assert self._coupling is not None
+        addresses = np.array([water.words.ctypes.data, wrench_address()], np.int64)
+        self.context[[kernels.COUPLED, kernels.WRENCH]] = addresses.view(np.float64)
+        self._coupling.replace_loads(entry_address(kernels.mujoco_loads), self.context)
 
     def check(self) -> None:
         """Raise DivergedError if a force or a state was not finite since the start."""
@@ -231,36 +283,43 @@ class MujocoEngine:
         _check_warnings(self.data, self._sound)
         self._sound = float(self.data.time)
 
-    def _states(self, qpos: Array, qvel: Array) -> Motion:
-        return {name: body.states(qpos, qvel) for name, body in self._free.items()}
 
-
-class _FreeBody:
-    """A body with a free joint: between MuJoCo's coordinates and the motion of its centre of mass."""
-
-    def __init__(self, model: mujoco.MjModel, name: str) -> None:
+def _context(model: mujoco.MjModel, data: mujoco.MjData, names: tuple[str, ...]) -> Array:
+    """What `_engine_kernels` need to know of a model and its stones."""
+    addresses = [
+        ctypes.cast(library.mj_step, ctypes.c_void_p).value or 0,
+        model._address,
+        data._address,
+        data.qpos.ctypes.data,
+        data.qvel.ctypes.data,
+        data.xfrc_applied.ctypes.data,
+    ]
+    context = np.zeros(kernels.STONES + kernels.STONE * len(names))
+    context[: len(addresses)] = np.array(addresses, np.int64).view(np.float64)
+    context[kernels.BODIES] = len(names)
+    rows = context[kernels.STONES :].reshape(-1, kernels.STONE)
+    for row, name in zip(rows, names, strict=True):
         body = find_body(model, name)
         joint = model.body_jntadr[body]
         if model.body_parentid[body] != 0:
             raise SceneError(f"body {name!r} is not a child of the world: a stone must be")
-        self._q = slice(model.jnt_qposadr[joint], model.jnt_qposadr[joint] + 7)
-        self._v = slice(model.jnt_dofadr[joint], model.jnt_dofadr[joint] + 6)
-        self.centre = np.array(model.body_ipos[body])
+        row[:3] = model.jnt_qposadr[joint], model.jnt_dofadr[joint], body
+        row[3:] = centre_of_mass(model, body)
+    return context
 
-    def place(self, data: mujoco.MjData, start: State) -> None:
-        rotation = matrices(start.q)
-        arm = rotation @ self.centre
-        data.qpos[self._q] = [*(start.position - arm), *start.q]
-        data.qvel[self._v] = [
-            *(start.velocity - np.cross(start.omega, arm)),
-            *(rotation.T @ start.omega),
-        ]
 
-    def states(self, qpos: Array, qvel: Array) -> Array:
-        """(n, 18) for the force kernel."""
-        states = np.empty((len(qpos), STATE))
-        free_motion(qpos[:, self._q], qvel[:, self._v], self.centre, states)
-        return states
+def _place(model: mujoco.MjModel, data: mujoco.MjData, name: str, start: State) -> None:
+    """Put a stone into MuJoCo's coordinates: of the body's own origin, not of its centre of mass."""
+    body = find_body(model, name)
+    joint = model.body_jntadr[body]
+    q, v = model.jnt_qposadr[joint], model.jnt_dofadr[joint]
+    rotation = matrices(start.q)
+    arm = rotation @ centre_of_mass(model, body)
+    data.qpos[q : q + 7] = [*(start.position - arm), *start.q]
+    data.qvel[v : v + 6] = [
+        *(start.velocity - np.cross(start.omega, arm)),
+        *(rotation.T @ start.omega),
+    ]
 
 
 @contextmanager

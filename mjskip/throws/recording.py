@@ -90,7 +90,7 @@ class Recorder:
         self._times: list[Array] = []
         self._states: list[Array] = []
         self._loads: list[Array] = []
-        self._fractions: list[Array] = []
+        self._reactions: list[Array] = []
         self._memory = np.empty(kernels.MEMORY)
         self._touches = np.empty((0, kernels.TOUCH))
         kernels.begin(self._memory)
@@ -100,7 +100,7 @@ class Recorder:
         times: Array,
         states: Array,
         loads: Array | None = None,
-        reaction_fraction: Array | None = None,
+        reactions: Array | None = None,
     ) -> str | None:
         """Append motion (n,), (n, 18); the reason if the run is over within it.
 
@@ -108,7 +108,7 @@ class Recorder:
             times: (n,) [s].
             states: (n, 18), see `mjskip.rigid.state`.
             loads: (n, 17), see `mjskip.hydro.columns`; over still water if None.
-            reaction_fraction: (n,) of the vertical force that the water was given back; 1 if None.
+            reactions: (n,) vertical force that the water was given back [N]; all of the load's if None.
 
         Raises:
             DivergedError: a state or a force is not finite.
@@ -129,8 +129,8 @@ class Recorder:
         self._times.append(times[:keep])
         self._states.append(states[:keep])
         self._loads.append(loads[:keep])
-        fraction = np.ones(keep) if reaction_fraction is None else reaction_fraction[:keep]
-        self._fractions.append(fraction)
+        reactions = load_columns(loads).force[:, 2] if reactions is None else reactions
+        self._reactions.append(reactions[:keep])
         if end != kernels.GOING_ON:
             self.end = tuple(ENDS)[end]
         return self.end
@@ -162,7 +162,7 @@ class Recorder:
             force=load.force,
             torque=load.torque,
             air_force=load.air_force,
-            water_load=load.force[:, 2] * np.concatenate(self._fractions),
+            water_load=np.concatenate(self._reactions),
             wetted_area=load.wetted_area,
             wetted_centre=load.wetted_centre,
             clearance=load.clearance,

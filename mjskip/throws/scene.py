@@ -21,8 +21,8 @@ from mjskip._typing import PathLike
 from mjskip.checks import check_path, check_type
 from mjskip.coupling.bodies import body_name, find_body, free_bodies
 from mjskip.coupling.loading import load_model
-from mjskip.coupling.plugin import NAME, plugin_options, plugin_water
-from mjskip.coupling.terrain import Land, land_of
+from mjskip.coupling.plugin import NAME, plugin_settings, plugin_water
+from mjskip.coupling.terrain import Land
 from mjskip.coupling.wet import THROWN, body_stone
 from mjskip.errors import SceneError
 from mjskip.hydro.stone import Stone
@@ -31,19 +31,20 @@ from mjskip.hydro.water import Water
 from mjskip.throws.arm import Arm
 from mjskip.throws.throw import PARAMETERS, Throw
 from mjskip.waves import HeightField
-from mjskip.waves.lake import Lake
 
 PREFIX = "mjskip."
 WATER = {field.name for field in fields(Water)}
 FIELD = {"shape", "spacing", "wave_speed", "damping", "stencil", "boundary", "centre"}
 THROW = set(PARAMETERS)
 TEXTS = {"gate", "law", "stencil", "boundary"}
-SWITCHES = {*WATER_SWITCHES, "obstacles"}
-DEFAULT_SHAPE = (512, 512)
-"""Cells of a lake with walls whose scene does not say: `HeightField`'s, rounded up to whole tiles."""
+SWITCHES = {*WATER_SWITCHES, "obstacles", "afloat"}
+SLEEP_AMPLITUDE = 1e-5
+"""Waves that are lower are let go [m]."""
 PAIRS = {"shape", "centre"}
 OBSTACLES = "obstacles"
 """Switch: fixed geoms that pierce the surface are land in the scene's `HeightField`."""
+AFLOAT = "afloat"
+"""Switch: nothing is thrown; bodies begin where the scene has them, and may stay in the water."""
 CONTROL, RELEASE = "control.", "release."
 
 
@@ -63,6 +64,7 @@ class Scene:
         plugged: the water of every body that has it from the engine plugin, by name; of all or none.
         arm: what the scene's robot does.
         held: bodies that the robot throws, so that their `throws` mean nothing.
+        afloat: whether nothing is thrown: bodies begin where the scene has them, and all that moves is wet.
     """
 
     path: Path
@@ -76,6 +78,7 @@ class Scene:
     plugged: Mapping[str, Water]
     arm: Arm
     held: frozenset[str]
+    afloat: bool = False
 
     def __repr__(self) -> str:
         return f"Scene({self.path.name}, body={self.body!r}, {len(self.throws)} free bodies)"
@@ -91,8 +94,9 @@ class Scene:
         found = {}
         for name in self.throws:
             body = find_body(self.model, name)
-            options = plugin_options(self.model, body) if name in self.plugged else THROWN
-            found[name] = body_stone(self.model, body, options)
+            told = plugin_settings(self.model, body)
+            options, geoms = (told.options, told.geoms) if told else (THROWN, None)
+            found[name] = body_stone(self.model, body, options=options, geoms=geoms)
         return found
 
     @property
@@ -105,29 +109,19 @@ class Scene:
         return self.plugged.get(body, self.water)
 
     def field(self) -> HeightField:
-        """A fresh water surface with this scene's settings."""
-        field = HeightField(**self.grid)
-        if not self.obstacles:
-            return field
-        return HeightField(**self.grid, terrain_mask=land_of(self.model, field.x, field.y))
+        """Fresh water of this scene: endless if its boundary absorbs, else between its walls or periodic.
 
-    def lake(self) -> Lake:
-        """Fresh two-way water: endless if the scene's boundary absorbs, else inside its walls or periodic.
-
-        Raises:
-            ValueError: the walls are not on tiles, or the scene asks for what lakes of tiles lack.
+        Only what moves is stored. An absorbing field needs no shape: it is endless.
         """
         grid = dict(self.grid)
-        stencil = grid.pop("stencil", "nine_point")
-        boundary = grid.pop("boundary", "reflect")
-        if stencil != "nine_point":
-            raise ValueError(
-                f"{self.path}: two-way waves need the nine_point stencil, not {stencil}"
-            )
-        shape = grid.pop("shape", DEFAULT_SHAPE)
-        land = Land(self.model) if self.obstacles else None
-        shape = None if boundary == "absorb" else shape
-        return Lake(shape, **grid, periodic=boundary == "periodic", land=land)
+        mask = Land(self.model) if self.obstacles else None
+        absorbs = grid.get("boundary") == "absorb"
+        if absorbs and grid.get("stencil", "nine_point") == "nine_point":
+            kept = ("spacing", "wave_speed", "damping", "centre")
+            settings = {name: grid[name] for name in kept if name in grid}
+            return HeightField.endless(**settings, terrain_mask=mask)
+        asleep = 0.0 if absorbs else SLEEP_AMPLITUDE
+        return HeightField(**grid, terrain_mask=mask, sleep_amplitude=asleep)
 
     def rethrow(self, **changes: float) -> Scene:
         """This scene with other throw settings, SI and radians.
@@ -137,6 +131,11 @@ class Scene:
         Raises:
             ValueError: a value is out of range, or the body is thrown by a robot.
         """
+        if changes and self.afloat:
+            raise ValueError(
+                f"{self.body!r} in {self.path} is afloat and not thrown: leave out {', '.join(changes)}, or take "
+                f"{PREFIX}{AFLOAT} out of the scene"
+            )
         if changes and self.body in self.held:
             raise ValueError(
                 f"{self.body!r} is thrown by the arm in {self.path}: change its control signals there, not "
@@ -213,6 +212,7 @@ def load_scene(path: PathLike = "lake", *, body: str | None = None) -> Scene:
             plugged=plugged,
             arm=arm,
             held=arm.held(model) & set(names),
+            afloat=settings.get(AFLOAT, False),
         )
         scene.field()  # refuse bad settings of the water surface here, in a few milliseconds
     except ValueError as error:
@@ -257,7 +257,7 @@ def _settings(model: mujoco.MjModel, file: Path, bodies: list[str]) -> dict[str,
     single = {f"{key}.{name}" for key in THROW for name in bodies}
     moved = {f"{CONTROL}{model.actuator(k).name}" for k in range(model.nu)}
     moved |= {f"{RELEASE}{model.equality(k).name}" for k in range(model.neq)}
-    known = WATER | FIELD | THROW | {OBSTACLES} | single | moved
+    known = WATER | FIELD | THROW | {OBSTACLES, AFLOAT} | single | moved
     found: dict[str, Any] = {}
     entries: list[tuple[str, Any]] = [
         (model.numeric(k).name, model.numeric(k).data.tolist()) for k in range(model.nnumeric)
@@ -275,7 +275,9 @@ def _settings(model: mujoco.MjModel, file: Path, bodies: list[str]) -> dict[str,
             continue
         key = name.removeprefix(PREFIX)
         if key not in known:
-            listed = ", ".join(PREFIX + k for k in sorted(WATER | FIELD | THROW | {OBSTACLES}))
+            listed = ", ".join(
+                PREFIX + k for k in sorted(WATER | FIELD | THROW | {OBSTACLES, AFLOAT})
+            )
             raise SceneError(
                 f"{file}: unknown setting {name!r}; known are {listed}, and throw settings with "
                 f".<body> behind them (bodies: {', '.join(bodies)})"

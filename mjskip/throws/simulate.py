@@ -13,21 +13,24 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from mjskip._typing import Array, PathLike
+from mjskip._typing import PathLike
 from mjskip.checks import check_choice, check_positive, check_switch, check_type
 from mjskip.coupling.bodies import find_body
 from mjskip.coupling.callback import compile_callback
 from mjskip.errors import MjskipWarning
 from mjskip.hydro.stone import Stone
 from mjskip.rigid.attitude import angles, matrices
-from mjskip.throws.engines import Engine, Motion, MujocoEngine, ReferenceEngine, releases
+from mjskip.throws.engines import MujocoEngine, ReferenceEngine, release_states
 from mjskip.throws.recording import Limits, Recorder
 from mjskip.throws.reference import integrate
+from mjskip.throws.run import Run
 from mjskip.throws.scene import Scene, load_scene
 from mjskip.throws.throw import Throw
 from mjskip.throws.trajectory import Trajectory
-from mjskip.waves.lake import Lake
-from mjskip.waves.twoway import MovingSurface
+from mjskip.waves.coupled import check_water
+from mjskip.waves.coupling import LOAD_RADIUS, check_law
+from mjskip.waves.field import FARTHEST, HeightField
+from mjskip.waves.recording import SurfaceFrames, SurfaceRecorder
 
 EngineName = Literal["mujoco", "reference"]
 ENGINES: tuple[EngineName, ...] = get_args(EngineName)
@@ -43,9 +46,6 @@ MOST_STEPS = 1e7
 CHUNK = 200
 """Steps between looks at whether the run is over."""
 
-WAVES_CHUNK = 50
-"""The same over waves, where a step costs more."""
-
 
 def simulate(
     scene: Scene | PathLike = "lake",
@@ -57,7 +57,8 @@ def simulate(
     limits: Limits | None = None,
     frozen_attitude: bool = False,
     surface: Surface = "still",
-    own_dent: bool = False,
+    load_radius: float = LOAD_RADIUS,
+    record: SurfaceFrames | None = None,
 ) -> Trajectory:
     """Throw a scene's stones and return the trajectory of the chosen one.
 
@@ -66,7 +67,7 @@ def simulate(
     scene = scene if isinstance(scene, Scene) else load_scene(scene)
     return simulate_all(
         scene, throw, engine=engine, integrator=integrator, timestep=timestep, limits=limits,
-        frozen_attitude=frozen_attitude, surface=surface, own_dent=own_dent,
+        frozen_attitude=frozen_attitude, surface=surface, load_radius=load_radius, record=record,
     )[scene.body]  # fmt: skip
 
 
@@ -80,7 +81,8 @@ def simulate_all(
     limits: Limits | None = None,
     frozen_attitude: bool = False,
     surface: Surface = "still",
-    own_dent: bool = False,
+    load_radius: float = LOAD_RADIUS,
+    record: SurfaceFrames | None = None,
 ) -> dict[str, Trajectory]:
     """Throw every stone of a scene.
 
@@ -89,13 +91,15 @@ def simulate_all(
         throw: of the chosen body, instead of the scene's.
         engine: "mujoco", or "reference" for the pure integrator (which knows no contacts).
         integrator: MuJoCo's Euler, implicitfast, implicit or RK4; or euler, midpoint, rk4 or adaptive
-            of the pure one. The scene's, or rk4, if None.
+            of the pure one, which has a scheme of its own over waves. The scene's, or rk4, if None.
         timestep: [s]; the scene's if None.
         limits: what counts as a skip and when a stone's run is over; `Limits()` if omitted.
         frozen_attitude: stones are thrown without spin and cannot turn.
-        surface: "still": stones feel the undisturbed level; "waves": the moving surface, see
-            `mjskip.waves.twoway`.
-        own_dent: over waves, whether a stone feels the response to its own current touch.
+        surface: "still": stones feel the undisturbed level; "waves": the surface that moves under them and
+            that they move (docs/water.md).
+        load_radius: over waves, of the bumps that spread a load and sample the surface under it [m].
+        record: keep the surface at some moments, in `Trajectory.surface`: what pictures are drawn from. Over
+            still water it is that which the stones press on, and do not feel.
 
     Returns:
         The trajectory of every free body, by name, in the scene's order.
@@ -110,69 +114,46 @@ def simulate_all(
     limits = Limits() if limits is None else check_type("limits", limits, Limits)
     check_switch("frozen_attitude", frozen_attitude)
     timestep = float(scene.model.opt.timestep) if timestep is None else timestep
-    check_positive(timestep=timestep)
-    if limits.duration / timestep > MOST_STEPS:
-        raise ValueError(
-            f"duration {limits.duration:g} s at {timestep:g} s a step makes {limits.duration / timestep:.3g} "
-            f"steps: at most {MOST_STEPS:g} are allowed; shorten the duration or lengthen the step"
-        )
     check_choice("engine", engine, ENGINES)
     check_choice("surface", surface, SURFACES)
-    if surface == "waves" and integrator == "adaptive":
-        raise ValueError("integrator is 'adaptive': waves move on at a fixed step; use rk4")
-    if surface == "waves" and scene.plugged:
-        raise ValueError(
-            "surface is 'waves': the engine plugin knows still water only; take it out of the scene"
-        )
-    if scene.plugged and scene.water != scene.plugged[scene.body]:
-        raise ValueError(
-            f"the water of {scene.body!r} comes from the plugin in {scene.path}: change its <config> there"
-        )
-    if scene.held and (engine != "mujoco" or frozen_attitude):
-        raise ValueError(
-            f"{', '.join(scene.held)}: thrown by an arm, so that engine must be 'mujoco' (the reference "
-            "engine knows no arm) and the attitude free"
-        )
-    for name in scene.stones.keys() - scene.held:
-        _doubt_timestep(name, scene.stones[name], scene.throws[name], timestep)
+    check_positive(timestep=timestep)
+    _check_options(scene, engine, timestep, limits, frozen_attitude=frozen_attitude, waves=surface == "waves")  # fmt: skip
+    if scene.afloat:
+        limits = replace(limits, max_contact=max(limits.max_contact, 2.0 * limits.duration))
+    for name in () if scene.afloat else scene.stones.keys() - scene.held:
+        _warn_timestep(name, scene.stones[name], scene.throws[name], timestep)
     if frozen_attitude:
         scene = replace(scene, throws={n: replace(t, spin=0.0) for n, t in scene.throws.items()})
     make = MujocoEngine if engine == "mujoco" else ReferenceEngine
     machine: MujocoEngine | ReferenceEngine = make(
-        scene, integrator, timestep, frozen_attitude=frozen_attitude
+        scene, integrator, timestep, frozen_attitude=frozen_attitude, over_waves=surface == "waves"
     )
-    gravity = float(-scene.model.opt.gravity[2])
-    lake = scene.lake() if surface == "waves" else None
-    if lake is not None:
-        _doubt_lake(scene, lake, timestep, engine)
-    walls = None if lake is None else _walls(lake)
+    gravity = scene.model.opt.gravity.copy()
+    field = scene.field() if surface == "waves" or record is not None else None
+    recorder = None
+    if field is not None and record is not None:
+        recorder = SurfaceRecorder(record, field, timestep=timestep)
+    walls = None
+    if field is not None and surface == "waves":
+        _check_field(scene, field, timestep, engine)
+        walls = _walls(field)
     logs = {
-        name: Recorder(
-            name, stone, scene.water_of(name), limits, gravity=scene.model.opt.gravity, walls=walls
-        )
+        name: Recorder(name, stone, scene.water_of(name), limits, gravity=gravity, walls=walls)
         for name, stone in scene.stones.items()
     }
     warm_up()
     begun = time.perf_counter()
     with machine:
-        if lake is None:
-            _over_still_water(machine, logs, timestep)
-        else:
-            moving = MovingSurface(
-                lake,
-                machine.blocks,
-                density=scene.water.density,
-                gravity=gravity,
-                own_dent=own_dent,
-            )
-            _over_waves(machine, logs, timestep, moving)
+        run = Run(
+            scene, machine, timestep, field=field, feel=surface == "waves", load_radius=load_radius,
+            recorder=recorder,
+        )  # fmt: skip
+        _follow(run, logs, timestep)
     wall = time.perf_counter() - begun
     trajectories = {name: log.trajectory({}) for name, log in logs.items()}
     thrown = {name: _thrown(scene, name, trajectories[name]) for name in scene.held}
     scene = replace(scene, throws={**scene.throws, **thrown})
     for name, trajectory in trajectories.items():
-        if own_dent and surface == "waves":
-            _doubt_energy(name, trajectory, gravity)
         trajectory.attributes.update(
             version=version("mjskip"),
             scene=str(scene.path),
@@ -180,16 +161,33 @@ def simulate_all(
             engine=engine,
             integrator=machine.integrator,
             timestep=timestep,
-            gravity=scene.model.opt.gravity.tolist(),
+            gravity=gravity.tolist(),
             surface=surface,
-            own_dent=own_dent,
             frozen_attitude=frozen_attitude,
+            afloat=scene.afloat,
             throw=asdict(scene.throws[name]),
             water=asdict(scene.water_of(name)),
             limits=asdict(limits),
             wall_seconds=wall,
         )
+        if surface == "waves":
+            trajectory.attributes["load_radius"] = load_radius
+    if recorder is not None:
+        recording = recorder.recording
+        trajectories = {n: replace(t, surface=recording) for n, t in trajectories.items()}
     return trajectories
+
+
+def _follow(run: Run, logs: Mapping[str, Recorder], timestep: float) -> None:
+    """Move on until every stone's run is over."""
+    done = 0
+    while not all(log.end for log in logs.values()):
+        block = run.advance(CHUNK)
+        times = timestep * np.arange(done, done + CHUNK, dtype=np.float64)
+        done += CHUNK
+        for n, name in enumerate(run.engine.names):
+            logs[name].extend(times, block.states[:, n], block.loads[:, n], block.reactions[:, n])
+    run.finish()
 
 
 @cache
@@ -207,7 +205,39 @@ def largest_timestep(stone: Stone, speed: float) -> float:
     return STEP_FRACTION * stone.thickness / speed if speed > 0.0 else math.inf
 
 
-def _doubt_timestep(name: str, stone: Stone, throw: Throw, timestep: float) -> None:
+def _check_options(
+    scene: Scene, engine: EngineName, timestep: float, limits: Limits, *,
+    frozen_attitude: bool, waves: bool,
+) -> None:  # fmt: skip
+    """Refuse what cannot be done together."""
+    if limits.duration / timestep > MOST_STEPS:
+        raise ValueError(
+            f"duration {limits.duration:g} s at {timestep:g} s a step makes {limits.duration / timestep:.3g} "
+            f"steps: at most {MOST_STEPS:g} are allowed; shorten the duration or lengthen the step"
+        )
+    if waves and scene.plugged:
+        raise ValueError(
+            "surface is 'waves': this scene's water comes from the engine plugin; say surface there by <config>"
+        )
+    if waves:
+        check_law(scene.water.law)
+    if scene.plugged and scene.water != scene.plugged[scene.body]:
+        raise ValueError(
+            f"the water of {scene.body!r} comes from the plugin in {scene.path}: change its <config> there"
+        )
+    if scene.afloat and (engine != "mujoco" or frozen_attitude or waves):
+        raise ValueError(
+            f"{scene.path} is afloat: engine must be 'mujoco' (the reference engine has no joints), the attitude "
+            "free, and surface 'still' (waves under what floats: mjskip.add_water)"
+        )
+    if scene.held and (engine != "mujoco" or frozen_attitude):
+        raise ValueError(
+            f"{', '.join(scene.held)}: thrown by an arm, so that engine must be 'mujoco' (the reference "
+            "engine knows no arm) and the attitude free"
+        )
+
+
+def _warn_timestep(name: str, stone: Stone, throw: Throw, timestep: float) -> None:
     limit = largest_timestep(stone, throw.speed)
     if timestep > limit * (1.0 + 1e-9):
         warnings.warn(
@@ -218,19 +248,20 @@ def _doubt_timestep(name: str, stone: Stone, throw: Throw, timestep: float) -> N
         )
 
 
-def _doubt_lake(scene: Scene, lake: Lake, timestep: float, engine: EngineName) -> None:
-    """Refuse a run that a lake cannot be part of."""
-    if timestep > lake.max_timestep:
-        raise ValueError(
-            f"time step {timestep:g} s is too long for the waves of {scene.path}: use at most "
-            f"{lake.max_timestep:.3g} s, or a larger spacing"
-        )
-    for name, start in releases(scene).items():
-        if not lake.contains(float(start.position[0]), float(start.position[1])):
-            west, east, south, north = _walls(lake) or (0.0, 0.0, 0.0, 0.0)
+def _check_field(scene: Scene, field: HeightField, timestep: float, engine: EngineName) -> None:
+    """Refuse a run that the water cannot be part of."""
+    check_water(field, timestep, float(-scene.model.opt.gravity[2]))
+    for name, start in release_states(scene).items():
+        x, y = float(start.position[0]), float(start.position[1])
+        if not (abs(x) < FARTHEST * field.spacing and abs(y) < FARTHEST * field.spacing):
             raise ValueError(
-                f"{name!r} starts at ({start.position[0]:g}, {start.position[1]:g}), outside the walls of the lake of "
-                f"{scene.path}: x from {west:g} to {east:g} m, y from {south:g} to {north:g} m"
+                f"{name!r} starts at ({x:g}, {y:g}): over waves give places within {FARTHEST * field.spacing:g} m"
+            )
+        if not field.contains(x, y):
+            west, east, south, north = _walls(field) or (0.0, 0.0, 0.0, 0.0)
+            raise ValueError(
+                f"{name!r} starts at ({x:g}, {y:g}), outside the walls of the lake of {scene.path}: x from {west:g} to "
+                f"{east:g} m, y from {south:g} to {north:g} m"
             )
     if engine == "reference" and scene.obstacles:
         warnings.warn(
@@ -240,91 +271,12 @@ def _doubt_lake(scene: Scene, lake: Lake, timestep: float, engine: EngineName) -
         )
 
 
-def _walls(lake: Lake) -> tuple[float, float, float, float] | None:
-    """West, east, south and north wall [m], half a cell outside the outermost points; None if endless."""
-    if lake.shape is None:
+def _walls(field: HeightField) -> tuple[float, float, float, float] | None:
+    """West, east, south and north wall [m]; None if there are none."""
+    if field.shape is None or field.boundary == "periodic":
         return None
-    half = 0.5 * lake.spacing
-    (west, south), (east, north) = lake.place_of(0, 0), lake.place_of(*(n - 1 for n in lake.shape))
-    return west - half, east + half, south - half, north + half
-
-
-def _doubt_energy(name: str, trajectory: Trajectory, gravity: float) -> None:
-    """Say if a stone got more energy from its own dent than it was thrown with."""
-    moving = 0.5 * (trajectory.P * trajectory.velocity + trajectory.L * trajectory.omega).sum(
-        axis=1
-    )
-    energy = moving + trajectory.mass * gravity * trajectory.x[:, 2]
-    if energy.max() > 1.01 * energy[0]:
-        k = int(energy.argmax())
-        warnings.warn(
-            f"{name!r} has {energy[k] / energy[0]:.3g} times the energy of its release at {trajectory.time[k]:.4g} s: "
-            "its own dent has driven it; take this run for wrong, and leave own_dent off",
-            MjskipWarning,
-            stacklevel=3,
-        )
-
-
-def _over_still_water(engine: Engine, logs: Mapping[str, Recorder], timestep: float) -> None:
-    """Run until every stone's run is over; forces are observed from the motion afterwards."""
-    motion, done = engine.start(), 0
-    while True:
-        count = len(next(iter(motion.values())))
-        times = timestep * np.arange(done, done + count, dtype=np.float64)
-        for name, log in logs.items():
-            log.extend(times, motion[name])
-        if all(log.end for log in logs.values()):
-            return
-        done += count
-        motion = engine.advance(CHUNK)
-        engine.check()
-
-
-def _over_waves(
-    engine: Engine, logs: Mapping[str, Recorder], timestep: float, surface: MovingSurface
-) -> None:
-    """The same with the surface moving: it is looked at before every step and pressed on after.
-
-    A single stone does so in compiled code wherever it can.
-    """
-    motion, done, count, hop = engine.start(), 0, 0, engine.hop
-    rows: dict[str, list[tuple[Array, Array, Array]]] = {name: [] for name in logs}
-    while True:
-        most = WAVES_CHUNK - count
-        parts = surface.glide(hop, motion, timestep, most) if hop else None
-        for name, part in (parts or _step(engine, surface, motion, timestep)).items():
-            motion[name] = part[0][-1:]
-            rows[name].append(part)
-        steps = len(part[1])
-        count += steps
-        if count == WAVES_CHUNK:
-            engine.check()
-            times = timestep * np.arange(done, done + count, dtype=np.float64)
-            for name, log in logs.items():
-                states, observed, shares = zip(*rows[name], strict=True)
-                log.extend(
-                    times,
-                    np.concatenate([part[:-1] for part in states]),
-                    np.concatenate(observed),
-                    np.concatenate(shares),
-                )
-                rows[name].clear()
-            if all(log.end for log in logs.values()):
-                return
-            done, count = done + count, 0
-
-
-def _step(
-    engine: Engine, surface: MovingSurface, motion: Motion, timestep: float
-) -> dict[str, tuple[Array, Array, Array]]:
-    """One step over waves, as `MovingSurface.glide` makes several."""
-    seen = surface.look(motion)
-    shares = surface.advance(timestep)
-    after = engine.advance(1)
-    return {
-        name: (np.concatenate([motion[name], after[name]]), seen[name], np.array([shares[name]]))
-        for name in after
-    }
+    (x, y), (nx, ny), half = field.centre, field.shape, 0.5 * field.spacing
+    return x - nx * half, x + nx * half, y - ny * half, y + ny * half
 
 
 def _thrown(scene: Scene, name: str, trajectory: Trajectory) -> Throw:

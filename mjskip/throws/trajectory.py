@@ -18,6 +18,8 @@ from mjskip.files import reading, whole_file
 if TYPE_CHECKING:
     import xarray as xr
 
+    from mjskip.waves.recording import SurfaceRecording
+
 GRAVITY = (0.0, 0.0, -9.81)
 """Unless a scene or an argument says otherwise [m/s^2]."""
 
@@ -114,8 +116,8 @@ class Trajectory:
         force: of the water on the stone (n, 3) [N].
         torque: of the water about the centre of mass (n, 3) [N m].
         air_force: of the air on the stone (n, 3) [N].
-        water_load: vertical force that the water was given back, downwards positive (n,) [N]: the
-            reaction, less what two-way water cannot take (see `mjskip.waves.twoway`).
+        water_load: vertical force that the water was given over the step, downwards positive (n,) [N]: over
+            still water all of the reaction, over waves that of the force law (docs/water.md).
         wetted_area: immersed area of the stone's surface (n,) [m^2].
         wetted_centre: centroid of that immersed surface (n, 3) [m]; the centre of mass when dry.
         clearance: height of the lowest point above the surface (n,) [m]; negative when wet.
@@ -124,6 +126,7 @@ class Trajectory:
         end: why it ended, one of `ENDS`.
         mass: [kg].
         attributes: provenance: scene, body, engine, integrator, timestep, throw, water, version.
+        surface: the water as the run had it, shared by all of its stones, if it was recorded; not in files.
     """
 
     time: Array
@@ -145,6 +148,7 @@ class Trajectory:
     end: str
     mass: float
     attributes: dict[str, Any] = field(default_factory=dict)
+    surface: SurfaceRecording | None = field(default=None, compare=False, repr=False)
 
     def __repr__(self) -> str:
         body = self.attributes.get("body", "stone")
@@ -228,9 +232,10 @@ class Trajectory:
             time = data["time"]
             if not (len(time) and (np.diff(time) > 0.0).all()):
                 raise ValueError("time does not increase")
+            series: dict[str, Any] = {name: data[name] for name, *_ in _SERIES}
             return cls(
                 time=time,
-                **{name: data[name] for name, *_ in _SERIES},
+                **series,
                 contacts=tuple(_contact(data, k) for k in range(len(data["entry_time"]))),
                 skips=check_count("skips", attrs["skips"], low=0),
                 end=str(attrs["end"]),

@@ -75,6 +75,8 @@ class TwoWayIntegrator:
         """
         water = water or Water()
         check_law(water.law)
+        if water.added_mass:
+            raise ValueError("added_mass is not 0: moving water has its own, leave it at 0 over it")
         if not timestep < window.max_timestep:
             raise ValueError(
                 f"timestep is {timestep:g} s: this window needs one below {window.max_timestep:.3g} s"

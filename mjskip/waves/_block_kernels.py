@@ -32,6 +32,22 @@ def read_block(tiles: Any, i: int, j: int, level_out: Any, before_out: Any) -> N
 
 
 @kernel
+def highest_in(tiles: Any, i: int, j: int, nx: int, ny: int) -> float:
+    """Greatest |z| in a block."""
+    z, _ = levels(tiles)
+    highest = np.float32(0.0)
+    for p in range(nx):
+        q = 0
+        while q < ny:
+            slot, row, column, run = locate(tiles, i + p, j + q)
+            if slot > STILL:
+                for n in range(min(run, ny - q)):
+                    highest = max(highest, abs(z[slot, row, column + n]))
+            q += run
+    return float(highest)
+
+
+@kernel
 def raise_block(tiles: Any, i: int, j: int, level: Any, before: Any) -> None:
     """Add to both levels of a block, whose tiles are active."""
     z, prev = levels(tiles)
@@ -70,12 +86,10 @@ def press_block(tiles: Any, i: int, j: int, pressure_head: Any, edge: float, cor
     z, _ = levels(tiles)
     nx, ny = tiles.numbers[NX], tiles.numbers[NY]
     walls = nx != 0 and tiles.numbers[PERIODIC] == 0
+    masked = tiles.water.size > 0
     high, wide = pressure_head.shape
     for a in range(-1, high + 1):
         for b in range(-1, wide + 1):
-            slot, row, column, _ = locate(tiles, i + a, j + b)
-            if slot <= STILL or not _is_water(tiles, i + a, j + b):
-                continue
             total = 0.0
             here = np.float64(pressure_head[a, b]) if 0 <= a < high and 0 <= b < wide else 0.0
             for da in range(-1, 2):
@@ -86,13 +100,98 @@ def press_block(tiles: Any, i: int, j: int, pressure_head: Any, edge: float, cor
                     if walls:
                         c = min(max(i + c, 0), nx - 1) - i
                         d = min(max(j + d, 0), ny - 1) - j
-                    if not _is_water(tiles, i + c, j + d):
+                    if masked and not _is_water(tiles, i + c, j + d):
                         continue
                     there = (
                         np.float64(pressure_head[c, d]) if 0 <= c < high and 0 <= d < wide else 0.0
                     )
                     total += (edge if da == 0 or db == 0 else corner) * (there - here)
-            z[slot, row, column] += np.float32(total)
+            if total == 0.0 or (masked and not _is_water(tiles, i + a, j + b)):
+                continue
+            slot, row, column, _ = locate(tiles, i + a, j + b)
+            if slot > STILL:
+                z[slot, row, column] += np.float32(total)
+
+
+@kernel
+def read_moving_block(
+    tiles: Any,
+    i: int,
+    j: int,
+    numbers: Any,
+    wide: Any,
+    level_out: Any,
+    rate_out: Any,
+    open_out: Any,
+) -> Any:
+    """What a body feels of the surface over a step, on a block of cells: its level and its speed without loads.
+
+        rate = (z_free - z-) / (2 t),    z_free = z + q (z - z-) + s L(z)
+
+    Args:
+        numbers: q, s times the weights of edges and corners, and 1 / (2 t).
+        wide: scratch, two of (nx + 2, ny + 2).
+        level_out, rate_out: (nx, ny) [m], [m/s]; 0 beyond walls.
+        open_out: (nx, ny), 1 in water and 0 on land and beyond walls.
+
+    Returns:
+        Greatest |level| [m] and |rate| [m/s].
+    """
+    q, edge, corner, per_two_steps = numbers
+    z, before = wide
+    read_block(tiles, i - 1, j - 1, z, before)
+    nx, ny = level_out.shape
+    walls = tiles.numbers[NX] != 0 and tiles.numbers[PERIODIC] == 0
+    masked = tiles.water.size > 0
+    highest = fastest = 0.0
+    for p in range(nx):
+        for r in range(ny):
+            here, old = z[p + 1, r + 1], before[p + 1, r + 1]
+            if walls or masked:
+                water = _is_open(tiles, i + p, j + r, walls, masked)
+                edges, corners = _bent_at_coast(tiles, z, i, j, p, r, walls, masked)
+            else:
+                water = 1.0
+                edges = (z[p, r + 1] + z[p + 2, r + 1]) + (z[p + 1, r] + z[p + 1, r + 2])
+                corners = (z[p, r] + z[p, r + 2]) + (z[p + 2, r] + z[p + 2, r + 2])
+                edges, corners = edges - 4.0 * here, corners - 4.0 * here
+            free = here + q * (here - old) + edge * edges + corner * corners
+            level_out[p, r] = here
+            rate_out[p, r] = water * per_two_steps * (free - old)
+            open_out[p, r] = water
+            highest, fastest = max(highest, abs(here)), max(fastest, abs(rate_out[p, r]))
+    return highest, fastest
+
+
+@kernel
+def _is_open(tiles: Any, i: int, j: int, walls: bool, masked: bool) -> float:
+    """1 if a cell is water, 0 on land and beyond walls."""
+    if walls and not (0 <= i < tiles.numbers[NX] and 0 <= j < tiles.numbers[NY]):
+        return 0.0
+    return 0.0 if masked and not _is_water(tiles, i, j) else 1.0
+
+
+@kernel
+def _bent_at_coast(
+    tiles: Any, z: Any, i: int, j: int, p: int, r: int, walls: bool, masked: bool
+) -> Any:
+    """Sums of z less its own over the four edges and the four corners that are water; walls mirror."""
+    edges = corners = 0.0
+    for da in range(-1, 2):
+        for db in range(-1, 2):
+            a, b = p + da, r + db
+            if walls:
+                a = min(max(i + a, 0), tiles.numbers[NX] - 1) - i
+                b = min(max(j + b, 0), tiles.numbers[NY] - 1) - j
+            if masked and not _is_water(tiles, i + a, j + b):
+                continue
+            if not (-1 <= a < z.shape[0] - 1 and -1 <= b < z.shape[1] - 1):
+                continue  # of a cell beyond walls
+            if da == 0 or db == 0:
+                edges += z[a + 1, b + 1] - z[p + 1, r + 1]
+            else:
+                corners += z[a + 1, b + 1] - z[p + 1, r + 1]
+    return edges, corners
 
 
 @kernel

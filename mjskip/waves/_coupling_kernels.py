@@ -151,6 +151,7 @@ def find_faces(
             depth = -(z + ux * x + uy * y + uz * h)
             if highest > 0.0:
                 depth += _level_at(level, east + ex * x + ey * y + ez * h, north + mx * x + my * y + mz * h)  # fmt: skip
+            depth = max(depth, 0.0)  # where a curved surface dips between corners
             x, y, h = pressure_centre(block, k, x, y, h, nx, ny, nz, bx, by, bz, ux, uy, uz, depth)
         advance = (
             nx * (bx + wy * h - wz * y) + ny * (by + wz * x - wx * h) + nz * (bz + wx * y - wy * x)

@@ -30,10 +30,10 @@ ROWS, COLUMNS, GENERAL = 9, 10, 11
 """Columns of `about` behind the nine neighbours: cells along x and y, and whether `step_fast` will not do."""
 ABOUT = 12
 
-USED, PARITY, NX, NY, PERIODIC, FULL = range(6)
+USED, PARITY, NX, NY, PERIODIC, FULL, SURVEYED = range(7)
 """Of `numbers`: slots in use (the still one included), which pool is the present level, cells (0 if endless),
-whether what leaves on one side comes in on the other, and whether a tile found no room."""
-NUMBERS = 6
+whether what leaves on one side comes in on the other, whether a tile found no room, and up to which slot it is
+known where land is."""
 
 CACHE_CELLS = 1 << 15
 """Cells of each of two levels that stay in the second-level cache together."""
@@ -48,7 +48,7 @@ class Tiles(NamedTuple):
             (+x, +y), itself in the middle, and its size.
         names: (capacity, 2) place of each slot's tile.
         table: hash table of slots by name; 0 is empty.
-        numbers: (NUMBERS,).
+        numbers: see above.
         water: (capacity, rows + 2, columns + 2) 1 in water, 0 on land, of a tile and the cells about it; empty
             where all steps are `step_fast`.
         lost: (1,) sum over the cells of tiles that were deactivated [m].
@@ -273,6 +273,7 @@ def deactivate_calm_tiles(tiles: Any, amplitude: float) -> int:
         enter_all(tiles)
         if last != slot:
             _introduce(tiles, slot)
+    numbers[SURVEYED] = min(numbers[SURVEYED], numbers[USED])
     return gone
 
 

@@ -73,24 +73,24 @@ def split_block(block: Array, longest: float) -> Array:
     Raises:
         ValueError: the body has too many triangles then.
     """
-    done: list[Array] = []
-    waiting = list(triangles_of(block)[::-1])
-    while waiting:
-        corners = waiting.pop()
-        edges = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
-        k = int(np.argmax(edges))
-        if edges[k] <= longest:
-            done.append(corners)
-        else:
-            a, b, c = corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]
-            middle = 0.5 * (a + b)
-            waiting += [np.array([middle, b, c]), np.array([a, middle, c])]
-        if len(done) + len(waiting) > MOST_FACES:
+    done, waiting = [], triangles_of(block)
+    while len(waiting):
+        edges = np.linalg.norm(np.roll(waiting, -1, axis=1) - waiting, axis=2)
+        short = edges.max(axis=1) <= longest
+        done.append(waiting[short])
+        waiting, edges = waiting[~short], edges[~short]
+        first, many = edges.argmax(axis=1), np.arange(len(waiting))
+        a, b, c = (waiting[many, (first + k) % 3] for k in range(3))
+        middle = 0.5 * (a + b)
+        waiting = np.concatenate(
+            [np.stack([middle, b, c], axis=1), np.stack([a, middle, c], axis=1)]
+        )
+        if sum(map(len, done)) + len(waiting) > MOST_FACES:
             raise ValueError(
                 f"a body of radius {block[hydro.RADIUS]:.3g} m has more than {MOST_FACES} triangles no longer than "
                 f"{longest:g} m: use a larger load_radius"
             )
-    return block_of(block, np.array(done))
+    return block_of(block, np.concatenate(done))
 
 
 def wave_impulse(*, wave_speed: float, gravity: float, spacing: float) -> Array:

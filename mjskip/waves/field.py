@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -202,6 +203,7 @@ class HeightField:
         return mask
 
     def _make_grid(self, threads: int | None) -> None:
+        self._threads = threads
         self._margin = MARGIN if self.boundary == "absorb" else 0
         self.grid = WaveGrid(
             self.shape, self.wave_speed / self.spacing, self.damping, stencil=self.stencil,
@@ -416,6 +418,12 @@ class HeightField:
         self._raise(None, (first[0], first[1]), before=-back, inside=True)
         self.grid.activate_called()
 
+    def still_copy(self) -> HeightField:
+        """Still water of the same cells, terrain and waves, at time 0."""
+        field = copy.copy(self)
+        field._make_grid(self._threads)
+        return field
+
     def reset(self) -> None:
         """Still water at time 0, no loads."""
         self.grid.reset()
@@ -455,6 +463,14 @@ class HeightField:
         if steps:
             self._loads.clear()
         return steps
+
+    def cell_position(self, i: int, j: int) -> tuple[float, float]:
+        """Where a stored cell is [m]."""
+        margin = self._margin
+        return (
+            float(self._positions(0, i - margin, 1)[0]),
+            float(self._positions(1, j - margin, 1)[0]),
+        )
 
     # Cells --------------------------------------------------------------------------------------
 

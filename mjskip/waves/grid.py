@@ -62,6 +62,7 @@ class WaveGrid:
         tile: cells of a tile along x and y.
         is_whole: whether the field is one tile that is always active.
         margin: stored cells on each side that do not belong to the field.
+        is_general: whether some tiles need a general step.
         last_timestep: [s]; 0 if the water has not moved yet.
     """
 
@@ -101,11 +102,11 @@ class WaveGrid:
         self._periodic = periodic
         whole = self.cells is not None and sleep_amplitude == 0.0
         self.tile = self.cells if whole and self.cells else (TILE, TILE)
-        self._is_general = terrain is not None or absorbing or stencil != "nine_point"
+        self.is_general = terrain is not None or absorbing or stencil != "nine_point"
         size = self.tile[0] * self.tile[1]
         cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
         self._threads = (threads or max(1, min(cores, size // CELLS_PER_THREAD))) if whole else 1
-        self._bands = whole and not (self._is_general or periodic)
+        self._bands = whole and not (self.is_general or periodic)
         """Whether rows can be shared by threads and stepped several times in one pass."""
         self._deep = self._bands and self.tile[0] // self._threads >= 2 * STEPS_PER_PASS
         self._cuts = np.linspace(0, self.tile[0], self._threads + 1).astype(int).tolist()
@@ -135,17 +136,17 @@ class WaveGrid:
             stride += 16  # rows a power of two apart compete for the same cache lines
         self._check_memory(8 * tiles * rows * stride)
         about = np.full((capacity, ABOUT), STILL, np.int32)
-        about[STILL, [ROWS, COLUMNS, GENERAL]] = rows, columns, self._is_general
+        about[STILL, [ROWS, COLUMNS, GENERAL]] = rows, columns, self.is_general
         table = 1 << (2 * capacity).bit_length()
         nx, ny = self.cells or (0, 0)
-        masked = capacity if self._is_general else 0
+        masked = capacity if self.is_general else 0
         self.tiles = Tiles(
             first=_pool(capacity, rows, stride, after=0),
             second=_pool(capacity, rows, stride, after=APART),
             about=about,
             names=np.zeros((capacity, 2), np.int64),
             table=np.zeros(table, np.int32),
-            numbers=np.array([1, 0, nx, ny, self._periodic, 0], np.int64),
+            numbers=np.array([1, 0, nx, ny, self._periodic, 0, 1], np.int64),
             water=np.zeros((masked, rows + 2, columns + 2), np.float32),
             lost=np.zeros(1),
             called=np.zeros((8 * capacity, 2), np.int32),
@@ -224,17 +225,15 @@ class WaveGrid:
 
     def activate(self, first: tuple[int, int], shape: tuple[int, ...]) -> None:
         """Activate all tiles under a block of cells."""
-        before = self.used
         while not kernels.activate_block(self.tiles, *first, *shape):
             self.make_room()
-        self._survey(before)
+        self.survey()
 
     def activate_called(self) -> None:
         """Activate every tile that a wave above the sleep amplitude has come next to."""
-        before = self.used
         while not kernels.activate_called(self.tiles, self.sleep_amplitude):
             self.make_room()
-        self._survey(before)
+        self.survey()
 
     def deactivate_calm_tiles(self) -> None:
         """Give calm tiles up: before a step, every so many."""
@@ -246,10 +245,12 @@ class WaveGrid:
             self._resize(max(SMALLEST_POOL, 2 * self.used + 2))
         self.activate_called()
 
-    def _survey(self, first: int) -> None:
-        """Find out where land is in the slots from the first one on."""
-        if not self._is_general:
+    def survey(self) -> None:
+        """Find out where land is in new tiles."""
+        if not self.is_general:
             return
+        first = int(self.tiles.numbers[kernels.SURVEYED])
+        self.tiles.numbers[kernels.SURVEYED] = self.used
         for slot in range(first, self.used):
             rows, columns = self.tiles.about[slot, [ROWS, COLUMNS]].tolist()
             a, b = self.tiles.names[slot].tolist()
@@ -402,25 +403,29 @@ class WaveGrid:
         if self._bands:
             self._sweep_bands(q, s, 1, swap=False)
             return
-        if not self._is_general:
+        if not self.is_general:
             kernels.step_tiles(self.tiles, q, s)
             return
-        keep, m, r, half = q, 0.0, s, 0.0
-        if timestep is not None:
-            keep, half = 1.0, 0.5 * timestep
-            m, r = self.damping * half, (self.rate * timestep) ** 2
-        edge, corner = WEIGHTS[self.stencil]
+        numbers = self.general_numbers(q, s, timestep)
         inner = -1
         if self.margin:
             inner = 1 if timestep is None else self.margin
             if self._terrain or self.stencil != "nine_point":
                 inner = 0
-        numbers = np.array([keep, m, r, edge, corner, half], np.float32)
         step_mixed(self.tiles, self.medium, q, s, numbers, inner)
         if self.stencil == "paper_eq8" and timestep is not None:
             # The printed centre weight, -4/(mu t + 2) - 10/3 xi, less the one the kernel used.
             present, before = self._levels()
+            m, r = 0.5 * self.damping * timestep, (self.rate * timestep) ** 2
             before += np.float32(-4.0 / (1.0 + m) + 2.0 / 3.0 * r / (1.0 + m)) * present
+
+    def general_numbers(self, q: float, s: float, timestep: float | None) -> SurfaceArray:
+        """What `step_mixed` wants to know: of z + q (z - prev) + s L(z), or of a step [s]."""
+        keep, m, r, half = q, 0.0, s, 0.0
+        if timestep is not None:
+            keep, half = 1.0, 0.5 * timestep
+            m, r = self.damping * half, (self.rate * timestep) ** 2
+        return np.array([keep, m, r, *WEIGHTS[self.stencil], half], np.float32)
 
     def _sweep_bands(self, q: float, s: float, depth: int, *, swap: bool = True) -> None:
         """Several steps in one pass: bands that shrink towards each other, then the gaps between them."""

@@ -25,6 +25,7 @@ from mjskip import (
     integrate,
     load_scene,
 )
+from mjskip.hydro.laws import LAWS as FORCE_LAWS
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 PICTURES = DOCS / "validation"
@@ -35,13 +36,17 @@ WORKERS = 2
 LEFT = 1e-3
 """Time in the air that makes an exit of a single touch [s]: short, so that a slow exit still counts."""
 
-LAWS = ("lee2010", "nagahiro2005", "rosellini2005", "bocquet2003")
+LAWS = tuple(FORCE_LAWS)
 
 COLOURS = {
     "lee2010": "#1f5fa8",
     "nagahiro2005": "#d9822b",
     "rosellini2005": "#2e8b57",
     "bocquet2003": "#8d4a9e",
+    "lee2010_forward": "#6fa3d8",
+    "rosellini2005_forward": "#7cc49a",
+    "rayleigh1876_forward": "#c0392b",
+    "birkhoff1944": "#7f8c8d",
 }
 
 mpl.use("Agg")

@@ -31,8 +31,8 @@ from experiments import STEP, attack_along
 TITLE = "Why they fail: where the load acts"
 
 PAIRS = (("lee2010", "lee2010_forward"), ("rosellini2005", "rosellini2005_forward"))
-LAWS = tuple(law for pair in PAIRS for law in pair)
-COLOURS = {"lee2010": "#1f5fa8", "rosellini2005": "#2e8b57"}
+LAWS = (*(law for pair in PAIRS for law in pair), "rayleigh1876_forward")
+COLOURS = {"lee2010": "#1f5fa8", "rosellini2005": "#2e8b57", "rayleigh1876": "#c0392b"}
 SPINS = np.arange(0.0, 101.0, 2.5)
 
 
@@ -164,7 +164,9 @@ def page(found: dict[str, Any]) -> str:
         "are measured at up to 1/4 (Savitsky, Marine Technology 1:71, 1964), so it is a cautious choice. "
         f"With it {bounces} by the paper's own law, and by `rosellini2005_forward` the trout {recovers}. "
         f"The slowest speed falls from {lee['slowest']:.2f} to {forward['slowest']:.2f} m/s: the size of the "
-        f"load, not its place, is what is left of the bias.{surf} They are laws of their own; the default "
+        f"load, not its place, is what is left of the bias.{surf} A strip is cut where the plane face ends (all its "
+        "triangles), so that its load acts on the face, whatever its outline. `rayleigh1876_forward` takes the size "
+        "of the load from the same flow, ρU² S π sin θ / (4 + π sin θ). They are laws of their own; the default "
         "stays the paper's.\n\n" + table(("quantity", "measured", *LAWS), rows)
     )
 

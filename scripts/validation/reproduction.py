@@ -12,7 +12,7 @@ TITLE = "The paper, claim by claim"
 def summary(found: dict[str, Any]) -> str:
     """The first lines of the page."""
     oracle, laws = found["oracle"], found["experiments"]["laws"]
-    lee, rosellini = laws["lee2010"], laws["rosellini2005"]
+    lee, rayleigh = laws["lee2010"], laws["rayleigh1876_forward"]
     orders = {(o["engine"], o["integrator"]): o for o in found["convergence"]["compare"]["orders"]}
     agree = found["convergence"]["compare"]["agreement"][-1]
     failed = "" if oracle["passed"] == oracle["total"] else " **Not all.**"
@@ -23,8 +23,8 @@ def summary(found: dict[str, Any]) -> str:
         f"{orders['mujoco', 'RK4']['smooth_flight']:.1f} in smooth flight.",
         f"**The right physics: in part.** The paper's law needs {lee['slowest']['20']:.2f} m/s and "
         f"{lee['least_spin']:.0f} rev/s where the real disc bounces at 2.5 to 2.6 m/s; "
-        f"`rosellini2005` comes nearest ({rosellini['slowest']['20']:.2f} m/s; contact "
-        f"{rosellini['tau_ms']:.0f} ms, measured 32).",
+        f"`rayleigh1876_forward` gives {rayleigh['slowest']['20']:.2f} m/s and a contact of "
+        f"{rayleigh['tau_ms']:.1f} ms (measured 32), the trout and the dive, not the surf.",
         "**The paper: its claims about spin hold** for thin stones as a threshold and for round ones as a "
         "gain; its numbers cannot be told, as it gives neither stone nor step. The table below goes claim by "
         "claim.",

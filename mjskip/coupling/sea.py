@@ -1,0 +1,377 @@
+"""Bodies that radiate inside MuJoCo: hulls and sea prepared for `_sea_kernels`, for `attach` and for the plugin."""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import threading
+import warnings
+from collections import OrderedDict, deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache
+from typing import Any
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+from numba import types
+
+from mjskip._compile.jit import native
+from mjskip._compile.pointers import address_of_cfunc
+from mjskip._typing import Array
+from mjskip.coupling import _sea_kernels as kernels
+from mjskip.coupling import _struct_layout as layout
+from mjskip.coupling.records import make_record
+from mjskip.coupling.wet import HullOptions, Inertia
+from mjskip.errors import MjskipWarning
+from mjskip.hydro import _afloat_kernels as afloat_kernels
+from mjskip.hydro.afloat import RestPose, prepare, state_slots
+from mjskip.hydro.hull import Hull
+from mjskip.hydro.hydrostatics import SinksError, float_at_rest
+from mjskip.hydro.radiation import RadiationTable
+from mjskip.hydro.seas import Sea
+from mjskip.hydro.surface_modes import SurfaceModes
+from mjskip.hydro.water import Water
+from mjskip.hydro.wrench import pack, wrench_address
+
+_lock = threading.RLock()
+
+NEUTRAL = 0.02
+"""Share of a body's displacement within which its weight leaves it where it is put."""
+RESOLUTION = 48
+"""Segments around a round geom that radiates, at least: its waterplane changes with draft."""
+
+
+MOST_WAVES, MOST_READINGS = 1500, 300
+"""Plane waves of a surface with one body, half as many more with each other, and readings of a body, at most: a model's
+meshes are not known yet when MuJoCo wants to know the size of the state."""
+
+
+def most_state(bodies: int) -> int:
+    """Numbers of a state, at most."""
+    own = afloat_kernels.STATE + bodies * (kernels.OWN + MOST_READINGS)
+    return own + 2 * most_waves(bodies)
+
+
+def most_waves(bodies: int) -> int:
+    """Plane waves of a surface, at most."""
+    return MOST_WAVES + (MOST_WAVES // 2) * (bodies - 1)
+
+
+def finer(options: HullOptions) -> HullOptions:
+    """How geoms become hulls that radiate."""
+    return replace(options, resolution=max(options.resolution, RESOLUTION))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FloatingHull:
+    """A body that radiates.
+
+    Attributes:
+        body: its id.
+        name: of it.
+        hull: about its centre of mass, axes of the body.
+        inertia: of it and of what is welded to it.
+        carried: mass of its whole tree [kg].
+        rotation: of the body as the model has it, to world (3, 3).
+        place: of its centre of mass as the model has it, world (3,) [m].
+    """
+
+    body: int
+    name: str
+    hull: Hull
+    inertia: Inertia
+    carried: float
+    rotation: Array
+    place: Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SeaSurface:
+    """A surface with its bodies, prepared.
+
+    Attributes:
+        sea: waves and current.
+        water: the fluid.
+        modes: of the surface.
+        bodies: that float in it.
+        rests: how each floats.
+        tables: each against the modes.
+        entry: what compiled code knows; `kept` is what it points to.
+        state_size: numbers of the surface's state.
+    """
+
+    sea: Sea
+    water: Water
+    modes: SurfaceModes
+    bodies: tuple[FloatingHull, ...]
+    rests: tuple[RestPose, ...]
+    tables: tuple[RadiationTable, ...]
+    entry: npt.NDArray[np.int64]
+    state_size: int
+    kept: tuple[Any, ...] = field(repr=False)
+    states: dict[int, Array] = field(default_factory=dict, repr=False)
+
+    def amplitudes(self, state: Array) -> npt.NDArray[np.complex128]:
+        """Amplitudes of the modes in a state of this surface."""
+        start, size = afloat_kernels.STATE, self.modes.size
+        return np.asarray(state[start : start + size] + 1j * state[start + size : start + 2 * size])
+
+    def state_of(self, data: mujoco.MjData) -> Array:
+        """State of this surface in attached data; calm if it was not stepped yet."""
+        return self.states.get(data._address, np.zeros(self.state_size))
+
+    def load_on(self, body: int, state: Array) -> Array | None:
+        """Force and torque (6) on a body at the last evaluation, world; None if it does not radiate."""
+        for n, one in enumerate(self.bodies):
+            if one.body == body:
+                slot = int(self.entry[kernels.ENTRY + kernels.ROW * n + kernels.SLOT])
+                return np.array(state[slot + kernels.LOAD : slot + kernels.LOAD + 6])
+        return None
+
+    def elevation(self, state: Array, points: npt.ArrayLike) -> Array:
+        """Height of the surface at points (n, 2): the sea, and what the bodies made within their reach [m].
+
+        The bodies' waves fade towards twice the reach, beyond which the modes say nothing of them.
+        """
+        xy = np.atleast_2d(np.asarray(points, dtype=np.float64))[:, :2]
+        time = float(state[afloat_kernels.TIME])
+        origin = state[[afloat_kernels.ORIGIN_X, afloat_kernels.ORIGIN_Y]]
+        away = np.linalg.norm(xy - origin, axis=1) / self.modes.reach
+        near = away < FADED
+        heights = self.sea.elevation(xy, time)
+        fade = np.clip((FADED - away[near]) / (FADED - 1.0), 0.0, 1.0)
+        own = self.modes.elevation(self.amplitudes(state), xy[near] - origin)
+        heights[near] += fade * fade * (3.0 - 2.0 * fade) * own
+        return heights
+
+
+FADED = 2.0
+"""Where waves of bodies have faded from the picture, in reaches."""
+
+
+@cache
+def compiled() -> dict[str, int]:
+    """Addresses of the compiled functions (first use compiles), and the tables filled that they need."""
+    builder = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 3)(_answer)
+    i8 = types.int64
+    names = ("act", "advance", "sense", "act_attached")
+    functions = {name: native(types.void(i8, i8, i8))(getattr(kernels, name)) for name in names}
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object((builder, functions, kernels.root, _answer)))
+    layout.check(name for name in kernels.DATA_MEMBERS if name != "time")
+    root = kernels.root
+    root[kernels.WRENCH] = wrench_address()
+    root[kernels.BUILDER] = ctypes.cast(builder, ctypes.c_void_p).value or 0
+    root[kernels.TABLE] = _entries.table.ctypes.data
+    root[kernels.GRAVITY] = layout.option_offset("gravity")
+    root[kernels.TIMESTEP] = layout.option_offset("timestep")
+    model, data = layout.members("mjModel"), layout.members("mjData")
+    root[kernels.MEMBERS :] = [
+        *(model[name].offset for name in kernels.MODEL_MEMBERS),
+        *(data[name].offset for name in kernels.DATA_MEMBERS),
+    ]
+    return {name: address_of_cfunc(function) for name, function in functions.items()}
+
+
+class _Entries:
+    """Surfaces by the hash of what they were made of. Compiled code reads the table; what it may still read is kept."""
+
+    KEPT = 64
+
+    def __init__(self) -> None:
+        self.made: OrderedDict[int, SeaSurface] = OrderedDict()
+        self.table: npt.NDArray[np.int64] = np.zeros(0, dtype=np.int64)
+        self._retired: deque[Any] = deque(maxlen=4 * self.KEPT)
+        self._publish()
+
+    def add(self, key: int, made: SeaSurface) -> None:
+        """Remember a surface; the oldest go."""
+        self.made[key] = made
+        while len(self.made) > self.KEPT:
+            self._retired.append(self.made.popitem(last=False))
+        self._publish()
+
+    def _publish(self) -> None:
+        slots = 4 * self.KEPT
+        fresh = np.zeros(kernels.PAIRS + 2 * slots, dtype=np.int64)
+        fresh[kernels.SLOTS] = slots
+        for key, made in self.made.items():
+            k = key & (slots - 1)
+            while fresh[kernels.PAIRS + 2 * k]:
+                k = (k + 1) & (slots - 1)
+            fresh[kernels.PAIRS + 2 * k : kernels.PAIRS + 2 * k + 2] = key, made.entry.ctypes.data
+        self._retired.append(self.table)
+        self.table = fresh
+        kernels.root[kernels.TABLE] = fresh.ctypes.data
+
+
+_entries = _Entries()
+_attached: dict[int, SeaSurface] = {}
+"""Surfaces of attached models, by the address of their entry."""
+_messages: deque[Any] = deque(maxlen=100)
+ask_plugin: list[Any] = []
+"""The plugin's own way from a model and an instance to a surface: (key, surface)."""
+
+
+def _answer(model: int, address: int, _unused: int) -> None:
+    """Answer a request of compiled code; see `_sea_kernels`."""
+    request = (ctypes.c_int64 * kernels.REQUEST).from_address(address)
+    try:
+        with _lock:
+            if request[kernels.INSTANCE] >= 0:
+                key, made = ask_plugin[0](layout.ModelView(model), request[kernels.INSTANCE])
+                request[kernels.KEY], request[kernels.ANSWER] = key, made.entry.ctypes.data
+            else:
+                made = _attached[request[kernels.ENTRY_ASKED]]
+                request[kernels.ANSWER] = _new_state(made, request[kernels.DATA])
+    except Exception as error:  # nothing may pass through the C code that called
+        text = " ".join(str(error).split()) or type(error).__name__
+        message = ctypes.create_string_buffer(text.replace("%", "%%").encode())
+        _messages.append(message)
+        request[kernels.MESSAGE] = ctypes.addressof(message)
+
+
+def _new_state(made: SeaSurface, data: int) -> int:
+    """Room for the state of attached data, and a table that shows it."""
+    if data not in made.states:
+        made.states[data] = np.zeros(made.state_size)
+        slots = 64
+        while slots < 2 * len(made.states):
+            slots *= 2
+        table = np.zeros(kernels.PAIRS + 2 * slots, dtype=np.int64)
+        table[kernels.SLOTS] = slots
+        for owner, state in made.states.items():
+            k = (owner >> 4) & (slots - 1)
+            while table[kernels.PAIRS + 2 * k]:
+                k = (k + 1) & (slots - 1)
+            table[kernels.PAIRS + 2 * k : kernels.PAIRS + 2 * k + 2] = owner, state.ctypes.data
+        _tables.append(table)
+        made.entry[kernels.STATES] = table.ctypes.data
+    return int(made.states[data].ctypes.data)
+
+
+_tables: deque[Any] = deque(maxlen=10000)
+"""Tables that a callback in another thread may still be reading."""
+
+
+def attach_surface(
+    bodies: Sequence[FloatingHull], water: Water, sea: Sea, *, timestep: float
+) -> SeaSurface:
+    """A surface for attached bodies, between `enlist_surface` and `detach_surface`."""
+    compiled()
+    return prepared(bodies, water, sea, timestep=timestep)
+
+
+def enlist_surface(made: SeaSurface) -> None:
+    """Let compiled code ask for states of a surface, calm ones."""
+    made.states.clear()
+    empty = np.zeros(kernels.PAIRS + 4, dtype=np.int64)
+    empty[kernels.SLOTS] = 2
+    _tables.append(empty)
+    made.entry[kernels.STATES] = empty.ctypes.data
+    with _lock:
+        _attached[made.entry.ctypes.data] = made
+
+
+def detach_surface(made: SeaSurface) -> None:
+    """No longer."""
+    with _lock:
+        _attached.pop(made.entry.ctypes.data, None)
+
+
+def surface_of(
+    bodies: Sequence[FloatingHull], water: Water, sea: Sea, text: str, *, timestep: float
+) -> tuple[int, SeaSurface]:
+    """The surface of a plugin's instance, prepared now if need be, and its hash; `text` says the sea."""
+    digest = hashlib.sha256(repr((water, text, timestep, sea.gravity)).encode())
+    for one in bodies:
+        digest.update(repr((one.body, one.carried, one.inertia.mass)).encode())
+        for part in (one.inertia.centre, one.inertia.tensor, one.rotation, one.place):
+            digest.update(np.ascontiguousarray(part).tobytes())
+        digest.update(one.hull.vertices.tobytes() + one.hull.faces.tobytes())
+    key = int.from_bytes(digest.digest()[:8], "big") >> 12 | 1  # a double holds it
+    with _lock:
+        if key not in _entries.made:
+            compiled()
+            _entries.add(key, prepared(bodies, water, sea, timestep=timestep))
+        return key, _entries.made[key]
+
+
+def prepared(
+    bodies: Sequence[FloatingHull], water: Water, sea: Sea, *, timestep: float
+) -> SeaSurface:
+    """Tables and entry of bodies that float together."""
+    rests = tuple(_rest_of(one, water) for one in bodies)
+    places = np.array([one.place[:2] for one in bodies])
+    modes, surface, packed, tables = prepare(
+        [one.hull.triangles for one in bodies],
+        rests,
+        places,
+        sea,
+        density=water.density,
+        timestep=timestep,
+        most_waves=most_waves(len(bodies)),
+        most_readings=MOST_READINGS,
+    )
+    dragged = replace(water, buoyancy=False, radiation=False)
+    blocks = [pack(one.hull, dragged, gravity=sea.gravity) for one in bodies]
+    records = [
+        make_record(one.hull, dragged, one.inertia, block)
+        for one, block in zip(bodies, blocks, strict=True)
+    ]
+    slots = [afloat_kernels.STATE + 2 * modes.size]
+    for size in np.diff(state_slots(packed, modes.size)):
+        slots.append(slots[-1] + kernels.OWN + int(size))
+    room = max(afloat_kernels.scratch_size(surface.block, one.block) for one in packed)
+    entry = np.zeros(kernels.ENTRY + kernels.ROW * len(bodies), dtype=np.int64)
+    entry[kernels.SURFACE_BLOCK] = surface.block.ctypes.data
+    entry[kernels.SURFACE_WORDS] = surface.words.ctypes.data
+    entry[kernels.COUNT] = len(bodies)
+    entry[kernels.SCRATCH] = room + 2 * modes.size + 200 + 12 * kernels.MOST_DOFS
+    for n, one in enumerate(bodies):
+        row = kernels.ENTRY + kernels.ROW * n
+        entry[row : row + kernels.ROW] = (
+            one.body,
+            packed[n].block.ctypes.data,
+            packed[n].words.ctypes.data,
+            slots[n],
+            records[n].ctypes.data,
+        )
+    return SeaSurface(
+        sea=sea,
+        water=water,
+        modes=modes,
+        bodies=tuple(bodies),
+        rests=rests,
+        tables=tuple(tables),
+        entry=entry,
+        state_size=slots[-1],
+        kept=(surface, packed, blocks, records),
+    )
+
+
+def _rest_of(one: FloatingHull, water: Water) -> RestPose:
+    """How a body floats; where the model has it if it sinks, or is as heavy as its water."""
+    here = RestPose.of(one.rotation, float(one.place[2]))
+    if abs(one.carried / (water.density * one.hull.volume) - 1.0) < NEUTRAL:
+        return here
+    try:
+        found = float_at_rest(
+            one.hull.triangles, mass=one.carried, density=water.density, rotation=one.rotation
+        )
+    except SinksError:
+        warnings.warn(
+            f"body {one.name!r} weighs {one.carried:.4g} kg, and the water it displaces when it is sunk "
+            f"{water.density * one.hull.volume:.4g} kg: it sinks, and has the added mass of where the model has it",
+            MjskipWarning,
+            stacklevel=2,
+        )
+        return here
+    return RestPose.of(found.rotation, found.centre_of_mass)
+
+
+def plugin_state(model: mujoco.MjModel, data: mujoco.MjData, instance: int) -> Array:
+    """State of an instance of the plugin (a view)."""
+    start = int(model.plugin_stateadr[instance])
+    return np.asarray(data.plugin_state[start : start + int(model.plugin_statenum[instance])])
