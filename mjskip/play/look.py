@@ -17,7 +17,7 @@ from mjskip.play.surface import EVEN, STEP, DrawnWater
 from mjskip.play.thrown import ThrowResult
 from mjskip.throws.scene import Scene
 from mjskip.throws.throw import Throw
-from mjskip.throws.trajectory import Trajectory
+from mjskip.throws.trajectory import Trajectory, pose_at
 
 Array = npt.NDArray[np.float64]
 
@@ -197,7 +197,9 @@ def draw(
 ) -> None:
     """Put one moment into the scene: the newest surface, the stones, their paths, the forces."""
     thrown = frame.thrown
-    x, y, _ = frame.poses[thrown.scene.body][0].tolist()
+    x, y, _ = pose_at(thrown.chosen, frame.time)[
+        0
+    ].tolist()  # held when the run is over: rings are there
     if view != FOLLOW:
         x, y, _ = (0.5 * (thrown.chosen.x[0] + thrown.chosen.x[-1])).tolist()
     place = water.place(x, y)

@@ -21,7 +21,7 @@ AFTER = 4.0
 FPS = 30.0
 """Frames per second at most."""
 
-SLOWING, SINKING = 0.5, 0.35
+SLOWING, SINKING = 0.2, 0.35
 """After its run a stone goes on for about this time [s], and sinks at this speed [m/s]."""
 
 
