@@ -160,8 +160,6 @@ KNOWN_FAILURES = {
     "test_film.py::test_a_duel_shows_both_throws_at_the_same_moment": "after JAX was loaded in the same process: os.fork",
     "test_render.py::test_rings_show[shaded]": "rings are fainter in the shader than the test asks",
     "test_validation.py": "the page is from before quadrature and the coupled step",
-    "test_afloat.py::test_a_neutral_speck_follows_the_orbit": "5.3% of the orbit against 5% asked",
-    "test_afloat.py::test_a_current_carries_what_floats": "not understood yet",
 }
 """Tests that are known to fail, and why as far as it is known; the closing note names them too."""
 

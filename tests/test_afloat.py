@@ -251,15 +251,15 @@ def test_a_neutral_speck_follows_the_orbit():
     To first order: the pressure of a linear wave leaves out -1/2 rho u^2, which holds it up in steep waves.
     """
     ball = f'<body pos="0 0 -.4"><freejoint/><geom type="sphere" size=".02" mass="{1000 * 4 / 3 * math.pi * 0.02**3}"/>{CARRIES}</body>'
-    compiled = model(ball, sea="height=0.01 period=2", timestep=0.005)
+    compiled = model(ball, sea="height=0.01 period=2", timestep=0.002)
     sea = Sea.regular(height=0.01, period=2.0)
     data = mujoco.MjData(compiled)
     data.qvel[:3] = sea.velocity([[0.0, 0.0, -0.4]], 0.0)[0]
     place, path, orbit = np.array([[0.0, 0.0, -0.4]]), [], []
-    for n in range(400):
+    for n in range(1000):
         mujoco.mj_step(compiled, data)
-        middle = place + 0.0025 * sea.velocity(place, n * 0.005)
-        place = place + 0.005 * sea.velocity(middle, (n + 0.5) * 0.005)
+        middle = place + 0.001 * sea.velocity(place, n * 0.002)
+        place = place + 0.002 * sea.velocity(middle, (n + 0.5) * 0.002)
         path.append(data.qpos[:3].copy())
         orbit.append(place[0])
     path, orbit = np.array(path), np.array(orbit)

@@ -82,7 +82,8 @@ LAST_DIAGONAL = 0  # of its first dof in M, after the added mass was added
 LAST_VELOCITY = 1  # of its last six dofs (6)
 ACCELERATION = 7  # of them over the last step (6)
 LOAD = 13  # force and torque on it at the last evaluation (6)
-OWN = 19
+MOVED = 19  # 1 once its last velocity is known
+OWN = 20
 
 
 @kernel
@@ -249,8 +250,10 @@ def _note_acceleration(table: Any, model: int, data: int, body: int, own: Any, s
     last, speed = _last_dof(table, model, body), _doubles(table, data, QVEL)
     for n in range(min(6, last + 1)):
         now = speed[last - n]
-        own[ACCELERATION + 5 - n] = (now - own[LAST_VELOCITY + 5 - n]) / step
+        if own[MOVED] != 0.0:
+            own[ACCELERATION + 5 - n] = (now - own[LAST_VELOCITY + 5 - n]) / step
         own[LAST_VELOCITY + 5 - n] = now
+    own[MOVED] = 1.0
 
 
 @kernel
@@ -399,6 +402,8 @@ def _act(table: Any, model: int, data: int, entry: Any, at: int, scratch: int) -
         rings = int(block[afloat.RINGS_OF])
         parts = numba.carray(as_words(entry[row + WORDS]), 3 * rings).reshape((3, rings))
         own = state[slot : slot + OWN]
+        if own[MOVED] == 0.0:
+            _note_acceleration(table, model, data, body, own, 1.0)
         _pose(table, model, data, body, known, pose)
         load[:] = 0.0
         afloat.body_force(
