@@ -14,7 +14,7 @@ from mjskip.draw import tiles
 from mjskip.draw.appearance import WaterAppearance
 from mjskip.draw.geoms import SURELY_ABOVE, Ellipsoids, Standing, moving_geoms, outlines, sun_of
 from mjskip.draw.gl import offscreen, shaders_work
-from mjskip.draw.passes import VIEW_ROWS, WaterPasses, gl, own_state
+from mjskip.draw.passes import VIEW_ROWS, WaterPasses, gl, own_state, shrink_of
 from mjskip.draw.surface import BLOCK, BORDER, Patch, ShaderSurface, patch_of
 from mjskip.draw.surroundings import Surroundings
 from mjskip.errors import RenderError
@@ -310,7 +310,10 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         view[0, :3] = position
         view[1] = *(ahead + raised * up), flat
         view[2] = *(half_width * np.cross(ahead, up)), -middle
-        view[3] = *(half_height * up), half_width / self._width
+        view[3] = (
+            *(half_height * up),
+            2.0 * half_width / self._width * shrink_of(self._width, self._height),
+        )
         view[4] = 1.0 / far, 1.0 / near - 1.0 / far, near, far - near
         return position, ahead
 
