@@ -34,10 +34,11 @@ from mjskip.throws.reference import rigid_body
 from mjskip.throws.run import Run
 from mjskip.throws.simulate import simulate_all
 from mjskip.throws.throw import State
-from mjskip.waves import _coupled_kernels as kernels
+from mjskip.waves import _coupled_arrays as arrays
+from mjskip.waves import _coupled_loads as on_surface
 from mjskip.waves import _coupling_kernels as twin
 from mjskip.waves import _face_kernels as faces
-from mjskip.waves.coupled import CoupledWater
+from mjskip.waves.coupled import LONGEST_FACE, CoupledWater
 
 FLUID = Water(density=RHO, air_density=0.0)
 LIMITS = Limits(duration=0.35)
@@ -96,10 +97,10 @@ def bodies_on(pool, stones, *, law="lee2010", damping=0.0, kick=True):
     water._make_cells(CELLS**2)
     c = water.coupled
     c.clusters[:] = 0
-    c.counts[[kernels.CLUSTERS, kernels.STAGE]] = 1, 0
+    c.counts[[arrays.CLUSTERS, arrays.STAGE]] = 1, 0
     c.boxes[0] = 0, 0, CELLS, CELLS, 0, 0, 0, 0
-    c.numbers[[kernels.ORIGIN_X, kernels.ORIGIN_Y]] = pool.surface.x, pool.surface.y
-    c.numbers[[kernels.TOLERANCE, kernels.AHEAD]] = 1e-14, -1.0
+    c.numbers[[arrays.ORIGIN_X, arrays.ORIGIN_Y]] = pool.surface.x, pool.surface.y
+    c.numbers[[arrays.TOLERANCE, arrays.AHEAD]] = 1e-14, -1.0
     size = CELLS**2
     c.patches[6 : 6 + size] = pool.z.ravel()
     c.patches[6 + size : 6 + 2 * size] = pool.surface.rate.ravel()
@@ -119,19 +120,19 @@ def test_loads_found_cell_by_cell_are_those_found_with_the_whole_matrix(law):
         pool = Pool("waves", z, before, timestep=2e-4, damping=3.0)
         y = thrown(rng, stones, spread=0.05)
         states = states_of(y, stones)
-        expected = coupled(stones, "waves", law=law, damping=3.0).loads(
+        expected = coupled(stones, "waves", law=law, damping=3.0, longest_face=LONGEST_FACE).loads(
             states, pool.surface, pool.dt
         )
         _, c = bodies_on(pool, stones, law=law, damping=3.0)
         c.states[:] = states
-        kernels.find_faces(c)
-        kernels.add_loads(c, 0.0)
+        on_surface.find_faces(c)
+        on_surface.add_loads(c, 0.0)
         assert len(expected.loads) > 20
         scale = abs(expected.wrenches).max()
         np.testing.assert_allclose(c.wrenches[:, :6], expected.wrenches, atol=1e-10 * scale)
         c.heads[:] = 0.0
         faces.add_reaction(
-            c.faces, 0, int(c.boxes[0, kernels.LAST]), 5, 1.0 / SPACING**2,
+            c.faces, 0, int(c.boxes[0, arrays.LAST]), 5, 1.0 / SPACING**2,
             c.heads[: CELLS**2].reshape(CELLS, CELLS), c.reactions,
         )  # fmt: skip
         pressed = c.heads[: CELLS**2].reshape(CELLS, CELLS)
@@ -153,11 +154,11 @@ def test_in_a_kick_the_energy_of_stones_and_water_closes_to_rounding(damping):
             [rigid_body(s, pack(s, FLUID), np.zeros(3), frozen_attitude=False) for s in stones]
         )
         twin.prepare_kick(y, rows, np.zeros((2, 6)), dt, c.states, c.means, c.mobilities)
-        kernels.find_faces(c)
+        on_surface.find_faces(c)
         c.wrenches[:] = 0.0
-        kernels.add_loads(c, 0.5 * dt)
+        on_surface.add_loads(c, 0.5 * dt)
         y[:, 7:13] += dt * c.wrenches[:, :6]
-        wet = c.faces[: int(c.boxes[0, kernels.LAST])]
+        wet = c.faces[: int(c.boxes[0, arrays.LAST])]
         dissipation = float(wet[:, faces.LOAD] @ wet[:, faces.SPEED])
         pressure = np.zeros((CELLS, CELLS))
         faces.add_reaction(c.faces, 0, len(wet), 5, 1.0 / SPACING**2, pressure, c.reactions)
@@ -277,11 +278,12 @@ def test_two_stones_side_by_side_share_a_block_of_cells_and_feel_each_other():
     starts = [dropped(DISC, 2.0, x=0.055), dropped(DISC, 2.0, x=-0.055)]
     run = Stones(starts, HeightField.endless())
     path, _, _ = run.advance(60)
-    assert run.water.coupled.counts[kernels.CLUSTERS] == 1
-    np.testing.assert_allclose(path[:, 0, :3], path[:, 1, :3] * half, atol=2e-5)  # single precision
+    assert run.water.coupled.counts[arrays.CLUSTERS] == 1
+    # images of each other, but for how their round faces were halved
+    np.testing.assert_allclose(path[:, 0, :3], path[:, 1, :3] * half, atol=5e-5)
     alone = Stones([dropped(DISC, 2.0, x=0.055)], HeightField.endless())
     expected, _, _ = alone.advance(60)
-    assert abs(path[-1, 0, :3] - expected[-1, 0, :3]).max() > 1e-5
+    assert abs(path[-1, 0, :3] - expected[-1, 0, :3]).max() > 3e-4
 
 
 def test_in_periodic_water_a_stone_feels_what_went_over_the_edge():

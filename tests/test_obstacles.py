@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mjskip import HeightField, Limits, load_scene, simulate
-from mjskip.coupling.terrain import Land, land_of
+from mjskip.coupling.terrain import ModelTerrain
 from mjskip.errors import MjskipWarning, SceneError
 from mjskip.throws.engines import ReferenceEngine
 from mjskip.throws.run import Run
@@ -55,7 +55,7 @@ def test_land_is_where_fixed_geoms_pierce_the_surface_and_nowhere_else(world):
 
 def test_waves_do_not_enter_an_island_and_lose_no_water_to_it(world):
     scene = world()
-    field = HeightField(**scene.grid, terrain_mask=Land(scene.model))  # nothing sleeps
+    field = HeightField(**scene.grid, terrain_mask=ModelTerrain(scene.model))  # nothing sleeps
     field.press(0.0, 0.0, force=20.0, radius=0.1)
     field.advance(0.05)
     field.advance(1.5)
@@ -77,7 +77,7 @@ def test_what_a_switch_cannot_be_is_refused(world):
 
 def test_a_stone_throws_waves_at_an_island_that_it_feels(world):
     scene = world().rethrow(speed=4.0, height=0.0)
-    mask = Land(scene.model)
+    mask = ModelTerrain(scene.model)
     field = HeightField((256, 128), terrain_mask=mask, sleep_amplitude=1e-30)
     with ReferenceEngine(scene, None, 5e-4, frozen_attitude=False, over_waves=True) as engine:
         run = Run(scene, engine, 5e-4, field=field, feel=True)
@@ -115,9 +115,8 @@ def test_land_that_covers_everything_is_refused():
     model = mujoco.MjModel.from_xml_string(
         '<mujoco><worldbody><geom type="box" size="9 9 1"/></worldbody></mujoco>'
     )
-    field = HeightField((20, 20))
     with pytest.raises(ValueError, match="leave some water"):
-        HeightField((20, 20), terrain_mask=land_of(model, field.x, field.y))
+        HeightField((20, 20), terrain_mask=ModelTerrain(model))
 
 
 def test_a_stone_that_flies_over_the_wall_of_its_lake_has_left_it(lake):

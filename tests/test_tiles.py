@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from mjskip.waves import HeightField
-from mjskip.waves._tile_kernels import find_tile
-from mjskip.waves.grid import TILE
+from mjskip.waves._tile_kernels import TILE, find_tile
 
 SMALLEST = 1e-30
 """A sleep amplitude [m] so small that nothing is lost: tiles are stored from when a wave reaches them on."""

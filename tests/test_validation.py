@@ -94,8 +94,9 @@ def test_rings_of_the_repaired_stencil_are_rounder(question: Any) -> None:
 
 def test_the_step_of_a_frame_makes_skips_that_are_not_there(question: Any, tmp_path: Path) -> None:
     found = question("timestep").run(quick=True, out=tmp_path)
-    # known to be 46; a step more or less of gravity on the way out makes 1 of it
-    assert found["factor"] == pytest.approx(46.0, abs=2.0)
+    # known to be 46 where nothing limits a step's drag; limited, the skip is still not there, but gains no energy
+    assert 5.0 < found["factor"] < 46.0
+    assert all(row["energy_out_in"] < 1.0 for row in found["rows"])
     fine = [r for r in found["rows"] if r["integrator"] == "RK4" and r["timestep"] <= 1e-3]
     for row in fine:
         # the first dry row comes up to a step after the exit: g times a millisecond, and 1%

@@ -31,6 +31,16 @@ def as_doubles(typingctx: Any, address: Any) -> Any:
 
 
 @intrinsic
+def as_singles(typingctx: Any, address: Any) -> Any:
+    """Address of single-precision numbers as a pointer that indexes like a C array."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.inttoptr(args[0], ir.FloatType().as_pointer())
+
+    return types.CPointer(types.float32)(types.int64), codegen
+
+
+@intrinsic
 def address_of(typingctx: Any, array: Any) -> Any:
     """Address of the first element of a contiguous array; the array must stay alive."""
 

@@ -9,13 +9,13 @@ import numpy.typing as npt
 from mjskip._typing import Array
 from mjskip.coupling.bodies import FINE, SOLIDS, geom_solid
 
-A_HAIR = 1e-9
+ASIDE = 1e-9
 """The lines of cells are looked at this far aside [m], or one that meets a corner exactly may count it
 in both of its sides or in neither, as they are rounded."""
 
 
-class Land:
-    """Where fixed geoms cut the surface z = 0: call it with the positions of cells, as `land_of`.
+class ModelTerrain:
+    """Where fixed geoms cut the surface z = 0: call it with the positions of cells, as `HeightField(terrain_mask=)` does.
 
     Fixed are the geoms of the world and of bodies welded to it.
     """
@@ -42,19 +42,6 @@ class Land:
         return land
 
 
-def land_of(model: mujoco.MjModel, x: npt.ArrayLike, y: npt.ArrayLike) -> npt.NDArray[np.bool_]:
-    """Cells whose centre lies in the section of a fixed geom with the surface, for `HeightField(terrain_mask=)`.
-
-    Args:
-        model: compiled model.
-        x, y: (nx,) and (ny,) positions of the cells [m].
-
-    Returns:
-        (nx, ny), True on land.
-    """
-    return Land(model)(x, y)
-
-
 def _section(triangles: Array) -> Array:
     """Sides (n, 2, 2) of the section of a surface (m, 3, 3) with z = 0."""
     import trimesh
@@ -67,7 +54,7 @@ def _section(triangles: Array) -> Array:
 def _covered(sides: Array, x: Array, y: Array) -> npt.NDArray[np.bool_]:
     """Points of a grid inside a section: an odd number of its sides lies to the east."""
     inside = np.zeros((len(x), len(y)), np.bool_)
-    y = y + A_HAIR
+    y = y + ASIDE
     for (x0, y0), (x1, y1) in sides:
         spans = (y0 <= y) != (y1 <= y)
         if spans.any():

@@ -1,7 +1,7 @@
 """Engines as C functions void(context, states after a step, unused), and steps of them in a row.
 
 The context of MuJoCo is what the places below name, addresses as the bits of doubles; of the pure integrator over
-waves it is that of `mjskip.waves._coupled_kernels.kick_step`.
+waves it is that of `mjskip.waves._kick_kernels.kick_step`.
 """
 
 from typing import Any
@@ -10,7 +10,8 @@ from mjskip._compile.jit import kernel
 from mjskip._compile.pointers import address_of, as_doubles, bits, call_address, place_of
 from mjskip.coupling._free_joint_kernels import free_body
 from mjskip.rigid.state import STATE
-from mjskip.waves._coupled_kernels import add_loads, coupled_at, rest_loads
+from mjskip.waves._coupled_arrays import coupled_at
+from mjskip.waves._coupled_loads import add_loads, rest_loads
 
 STEP, MODEL, DATA = 0, 1, 2  # void mj_step(model, data), and both
 QPOS, QVEL, APPLIED = 3, 4, 5  # where the data has them

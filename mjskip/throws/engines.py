@@ -36,7 +36,7 @@ INTEGRATORS: dict[str, int] = {
 }
 
 KICK = "kick"
-"""What the pure integrator does over waves: see `mjskip.waves._coupled_kernels.kick_step`."""
+"""What the pure integrator does over waves: see `mjskip.waves._kick_kernels.kick_step`."""
 
 FROZEN = 1e12
 """Factor on the inertia of a stone that must not turn: its turn over a throw is below rounding."""

@@ -14,7 +14,7 @@ from mjskip.rigid.body import body_row
 from mjskip.rigid.state import STATE
 from mjskip.throws.reference import start_of
 from mjskip.throws.throw import State
-from mjskip.waves import _coupled_kernels as kernels
+from mjskip.waves import _kick_kernels as kernels
 from mjskip.waves.coupled import CoupledWater
 
 

@@ -22,7 +22,7 @@ from mjskip.checks import check_path, check_type
 from mjskip.coupling.bodies import body_name, find_body, free_bodies
 from mjskip.coupling.loading import load_model
 from mjskip.coupling.plugin import NAME, plugin_settings, plugin_water
-from mjskip.coupling.terrain import Land
+from mjskip.coupling.terrain import ModelTerrain
 from mjskip.coupling.wet import THROWN, body_stone
 from mjskip.errors import SceneError
 from mjskip.hydro.stone import Stone
@@ -114,7 +114,7 @@ class Scene:
         Only what moves is stored. An absorbing field needs no shape: it is endless.
         """
         grid = dict(self.grid)
-        mask = Land(self.model) if self.obstacles else None
+        mask = ModelTerrain(self.model) if self.obstacles else None
         absorbs = grid.get("boundary") == "absorb"
         if absorbs and grid.get("stencil", "nine_point") == "nine_point":
             kept = ("spacing", "wave_speed", "damping", "centre")

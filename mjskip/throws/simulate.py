@@ -27,9 +27,10 @@ from mjskip.throws.run import Run
 from mjskip.throws.scene import Scene, load_scene
 from mjskip.throws.throw import Throw
 from mjskip.throws.trajectory import Trajectory
+from mjskip.waves._cells import FARTHEST
 from mjskip.waves.coupled import check_water
 from mjskip.waves.coupling import LOAD_RADIUS, check_law
-from mjskip.waves.field import FARTHEST, HeightField
+from mjskip.waves.field import HeightField
 from mjskip.waves.recording import SurfaceFrames, SurfaceRecorder
 
 EngineName = Literal["mujoco", "reference"]

@@ -17,7 +17,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from mjskip._compile.jit import kernel
+from mjskip._compile.jit import inlined, kernel
+from mjskip._compile.pointers import address_of, as_singles
 from mjskip.waves._row import column_sum, step_rows
 
 Level = npt.NDArray[np.float32]
@@ -34,6 +35,9 @@ USED, PARITY, NX, NY, PERIODIC, FULL, SURVEYED = range(7)
 """Of `numbers`: slots in use (the still one included), which pool is the present level, cells (0 if endless),
 whether what leaves on one side comes in on the other, whether a tile found no room, and up to which slot it is
 known where land is."""
+
+TILE = 64
+"""Cells along a side of a tile where tiles may be still: its rows stay in the first-level cache."""
 
 CACHE_CELLS = 1 << 15
 """Cells of each of two levels that stay in the second-level cache together."""
@@ -280,7 +284,7 @@ def deactivate_calm_tiles(tiles: Any, amplitude: float) -> int:
 # Steps -------------------------------------------------------------------------------------------
 
 
-@kernel
+@inlined
 def _corner(z: Any, about: Any, k: int, x: int, y: int) -> Any:
     """The cell beyond a corner of a tile, x and y being 0 or 2; a wall mirrors."""
     tile, beside, along = about[k, 3 * x + y], about[k, 3 * x + 1], about[k, 3 + y]
@@ -311,16 +315,17 @@ def step_fast(
     own = k * size + margin
 
     # what lies beyond each side: the neighbour's rim, or at a wall the tile's own
-    south, north, left, right = about[k, 1], about[k, 7], about[k, 3], about[k, 5]
+    south, north, west_tile, east_tile = about[k, 1], about[k, 7], about[k, 3], about[k, 5]
     before = own if south == WALL else south * size + (about[south, ROWS] - 1) * stride
     after = own + (rows - 1) * stride if north == WALL else north * size
     west, east = own - 1, own + n
     if margin == 0:
-        west = own if left == WALL else left * size + about[left, COLUMNS] - 1
-        east = own + n - 1 if right == WALL else right * size
+        west = own if west_tile == WALL else west_tile * size + about[west_tile, COLUMNS] - 1
+        east = own + n - 1 if east_tile == WALL else east_tile * size
     south_west, south_east = _corner(z, about, k, 0, 0), _corner(z, about, k, 0, 2)
     north_west, north_east = _corner(z, about, k, 2, 0), _corner(z, about, k, 2, 2)
 
+    beside = as_singles(address_of(cells))  # of arrays numba checks every index for being negative
     i = i0
     while i < i1:
         at, w, e = own + i * stride, west + i * stride, east + i * stride
@@ -328,40 +333,43 @@ def step_fast(
         first, last = i == 0, i + count == rows
         below = before if first else at - stride
         above = after if last else at + count * stride
-        w_below = south_west if first else cells[w - stride]
-        e_below = south_east if first else cells[e - stride]
-        w_above = north_west if last else cells[w + count * stride]
-        e_above = north_east if last else cells[e + count * stride]
+        w_below = south_west if first else beside[w - stride]
+        e_below = south_east if first else beside[e - stride]
+        w_above = north_west if last else beside[w + count * stride]
+        e_above = north_east if last else beside[e + count * stride]
         if count == 4:
             w0, w1, w2, w3 = (
-                cells[w],
-                cells[w + stride],
-                cells[w + 2 * stride],
-                cells[w + 3 * stride],
+                beside[w],
+                beside[w + stride],
+                beside[w + 2 * stride],
+                beside[w + 3 * stride],
             )
             e0, e1, e2, e3 = (
-                cells[e],
-                cells[e + stride],
-                cells[e + 2 * stride],
-                cells[e + 3 * stride],
+                beside[e],
+                beside[e + stride],
+                beside[e + 2 * stride],
+                beside[e + 3 * stride],
             )
             starts = below, at, at + stride, at + 2 * stride, at + 3 * stride, above
-            beside = (
+            left = (
                 column_sum(w_below, w0, w1),
                 column_sum(w0, w1, w2),
                 column_sum(w1, w2, w3),
                 column_sum(w2, w3, w_above),
             )
-            beyond = (
+            right = (
                 column_sum(e_below, e0, e1),
                 column_sum(e0, e1, e2),
                 column_sum(e1, e2, e3),
                 column_sum(e2, e3, e_above),
             )
-            step_rows(cells, starts, out, n, beside, beyond, along, sixth)
+            if n == TILE:  # a number that the compiler knows: a quarter faster
+                step_rows(cells, starts, out, TILE, left, right, along, sixth)
+            else:
+                step_rows(cells, starts, out, n, left, right, along, sixth)
         else:
-            one = (column_sum(w_below, cells[w], w_above),)
-            other = (column_sum(e_below, cells[e], e_above),)
+            one = (column_sum(w_below, beside[w], w_above),)
+            other = (column_sum(e_below, beside[e], e_above),)
             step_rows(cells, (below, at, above), out, n, one, other, along, sixth)
         i += count
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import copy
-import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,6 +22,7 @@ from mjskip.checks import (
     fault,
 )
 from mjskip.waves import _block_kernels as kernels
+from mjskip.waves._cells import CellBlocks, TerrainMask, checked_shape, finite_array
 from mjskip.waves._stencil import (
     BOUNDARIES,
     COURANT_LIMITS,
@@ -34,18 +33,11 @@ from mjskip.waves._stencil import (
     checked_step,
     is_ordinary_step,
     paper_limit,
-    reach_of,
     steps_for,
 )
 from mjskip.waves.grid import Block, SurfaceArray, WaveGrid
 
-TerrainMask = Callable[[Array, Array], npt.NDArray[np.bool_]]
-"""Whether cells at x (nx,) and y (ny,) [m] are land: (nx, ny)."""
-
 LARGEST = float(np.finfo(np.float32).max)
-
-FARTHEST = 1e9
-"""Places farther than this from the first cell, in cells, cannot be told apart there: they are refused."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,7 +55,7 @@ class SurfaceSample:
     vertical_speed: Array
 
 
-class HeightField:
+class HeightField(CellBlocks):
     """Elevation of water under z_tt = c^2 lap(z + p / (rho g)) - mu z_t: a rectangle of it, or endless.
 
     Rings from a 20 N push that lasts a hundredth of a second::
@@ -129,7 +121,7 @@ class HeightField:
         Raises:
             ValueError: an argument is out of range, or the grid does not fit into memory.
         """
-        self.shape: tuple[int, int] | None = _checked_shape(shape)
+        self.shape: tuple[int, int] | None = checked_shape(shape)
         self.stencil: Stencil = check_choice("stencil", stencil, STENCILS)
         self.boundary: str = check_choice("boundary", boundary, BOUNDARIES)
         if threads is not None:
@@ -275,15 +267,6 @@ class HeightField:
         cells = self._whole(0) if self._margin else self.grid.z
         return float(cells.sum(dtype=np.float64)) * self.spacing**2
 
-    def contains(self, x: float, y: float) -> bool:
-        """Whether a point is inside the walls, if there are any."""
-        if self.shape is None or self.boundary == "periodic":
-            return True
-        return (
-            abs(x - self.centre[0]) <= 0.5 * self.shape[0] * self.spacing
-            and abs(y - self.centre[1]) <= 0.5 * self.shape[1] * self.spacing
-        )
-
     def sample(self, x: npt.ArrayLike, y: npt.ArrayLike) -> SurfaceSample:
         """Surface at points, bilinear; outside walls the water is still.
 
@@ -294,7 +277,7 @@ class HeightField:
             ValueError: a coordinate is no finite number.
         """
         points_x, points_y = np.broadcast_arrays(
-            np.atleast_1d(_finite("x", x)), np.atleast_1d(_finite("y", y))
+            np.atleast_1d(finite_array("x", x)), np.atleast_1d(finite_array("y", y))
         )
         at = np.column_stack(self._in_cells(points_x.ravel(), points_y.ravel()))
         out = np.empty((len(at), 4))
@@ -404,7 +387,7 @@ class HeightField:
         Raises:
             ValueError: a value is no finite number, or a shape does not fit.
         """
-        z, v = _finite("elevation", elevation), _finite("vertical_speed", vertical_speed)
+        z, v = finite_array("elevation", elevation), finite_array("vertical_speed", vertical_speed)
         shape = self.shape or z.shape
         if len(shape) != 2:
             raise fault("elevation", elevation, "give an array (nx, ny) for endless water")
@@ -463,136 +446,6 @@ class HeightField:
         if steps:
             self._loads.clear()
         return steps
-
-    def cell_position(self, i: int, j: int) -> tuple[float, float]:
-        """Where a stored cell is [m]."""
-        margin = self._margin
-        return (
-            float(self._positions(0, i - margin, 1)[0]),
-            float(self._positions(1, j - margin, 1)[0]),
-        )
-
-    # Cells --------------------------------------------------------------------------------------
-
-    def _positions(self, axis: int, first: int, count: int) -> Array:
-        """(count,) positions of cells of the field [m]."""
-        n = self.shape[axis] if self.shape else 1
-        cells = first + np.arange(count)
-        return np.asarray(self.centre[axis] + (cells - (n - 1) / 2) * self.spacing, np.float64)
-
-    def _in_cells(self, x: Array | float, y: Array | float) -> tuple[Array, Array]:
-        """Positions in cells, (0, 0) being the first stored cell."""
-        nx, ny = self.shape or (1, 1)
-        first = self.centre[0] - (nx - 1) / 2 * self.spacing
-        second = self.centre[1] - (ny - 1) / 2 * self.spacing
-        margin = self._margin
-        at_x, at_y = (x - first) / self.spacing + margin, (y - second) / self.spacing + margin
-        return np.asarray(at_x), np.asarray(at_y)
-
-    def _whole_cell(self, at: float) -> int:
-        if not abs(at) < FARTHEST:
-            raise ValueError(
-                f"a place {at * self.spacing:g} m from the first cell is too far: give at most "
-                f"{FARTHEST * self.spacing:g} m"
-            )
-        return round(float(at))
-
-    def _extent(self) -> tuple[tuple[int, int], tuple[int, int]]:
-        """First cell of the field, and how many there are; of endless water those of all tiles that move."""
-        if self.shape is not None:
-            return (0, 0), self.shape
-        names, (rows, columns) = self.grid.names, self.grid.tile
-        if not len(names):
-            return (0, 0), (0, 0)
-        (a, b), (c, d) = names.min(axis=0).tolist(), names.max(axis=0).tolist()
-        return (a * rows, b * columns), ((c - a + 1) * rows, (d - b + 1) * columns)
-
-    def _whole(self, level: int) -> SurfaceArray:
-        """The present level, or the one before, of the whole field."""
-        first, shape = self._extent()
-        if self.grid.is_whole:
-            i, j = first[0] + self._margin, first[1] + self._margin
-            cells = (self.grid.z, self.grid.prev)[level][0, i : i + shape[0], j : j + shape[1]]
-        else:
-            cells = self._read(first, shape)[level]
-        cells.flags.writeable = False
-        return cells
-
-    def _read(
-        self, first: tuple[int, int], shape: tuple[int, int]
-    ) -> tuple[SurfaceArray, SurfaceArray]:
-        """Copies of the two levels in a block of cells of the field."""
-        both = np.empty((2, *shape), np.float32)
-        margin = self._margin
-        kernels.read_block(self.grid.tiles, first[0] + margin, first[1] + margin, both[0], both[1])
-        return both[0], both[1]
-
-    def _raise(
-        self, block: SurfaceArray | None, first: tuple[int, int],
-        *, before: SurfaceArray | None = None, inside: bool = False,
-    ) -> None:  # fmt: skip
-        """Raise the water in a block of stored cells, both levels unless told otherwise; land stays.
-
-        Args:
-            block: (nx, ny) [m]; None leaves the present level.
-            first: its first cell.
-            before: of the level before; `block` if None.
-            inside: whether all of it is known to be inside the walls.
-        """
-        before = block if before is None else before
-        assert before is not None
-        block = np.zeros_like(before) if block is None else block
-        if self._margin and not inside:  # only the field itself is raised
-            assert self.shape is not None
-            for axis, (i, n) in enumerate(zip(first, self.shape, strict=True)):
-                cells = i + np.arange(block.shape[axis]) - self._margin
-                np.moveaxis(block, axis, 0)[(cells < 0) | (cells >= n)] = 0.0
-        if self.terrain_mask is not None:
-            water = ~self._is_land(*first, *block.shape)
-            block, before = block * water, before * water
-        self.grid.activate(first, block.shape)
-        kernels.raise_block(self.grid.tiles, *first, block, before)
-        if not inside:
-            self.grid.activate_called()
-
-    def _round_block(
-        self, x: float, y: float, radius: float
-    ) -> tuple[SurfaceArray, int, int, tuple[float, float], float] | None:
-        """Room for a round load, its first stored cell, and centre and reach in cells of the block.
-
-        None if the load is all outside.
-        """
-        x, y = check_number("x", x, unit="m"), check_number("y", y, unit="m")
-        reach = reach_of(radius, self.spacing)
-        p, q = (float(at) for at in self._in_cells(x, y))
-        margin = self._margin
-        if not self.contains(x, y) and self.shape is not None:
-            cells = [n + 2 * margin - (2 if margin else 0) for n in self.shape]
-            low = 1 if margin else 0
-            if not all(
-                low - reach < at < low + n - 1 + reach for at, n in zip((p, q), cells, strict=True)
-            ):
-                return None
-        i, j = self._whole_cell(math.ceil(p - reach)), self._whole_cell(math.ceil(q - reach))
-        block = np.zeros((math.floor(p + reach) - i + 1, math.floor(q + reach) - j + 1), np.float32)
-        return block, i, j, (p - i, q - j), reach
-
-    def _is_land(self, i: int, j: int, nx: int, ny: int) -> npt.NDArray[np.bool_]:
-        """Which of a block of stored cells are land; none outside the field."""
-        margin, mask = self._margin, self.terrain_mask
-        if callable(mask):
-            return mask(self._positions(0, i, nx), self._positions(1, j, ny))
-        assert mask is not None
-        land = np.ones((nx, ny), np.bool_)
-        cells = []
-        for axis, (first, count, n) in enumerate(zip((i, j), (nx, ny), mask.shape, strict=True)):
-            at = first - margin + np.arange(count)
-            if self.boundary == "periodic":
-                at %= n
-            np.moveaxis(land, axis, 0)[(at < 0) | (at >= n)] = False
-            cells.append(np.clip(at, 0, n - 1))
-        found: npt.NDArray[np.bool_] = land & mask[np.ix_(*cells)]
-        return found
 
     # Files --------------------------------------------------------------------------------------
 
@@ -658,27 +511,3 @@ class HeightField:
                 f"{path} holds no water surface ({problem}): give a file that HeightField.save wrote"
             ) from problem
         return field
-
-
-def _checked_shape(shape: tuple[int, int]) -> tuple[int, int]:
-    """Two whole numbers of at least 3."""
-    try:
-        nx, ny = (int(n) for n in shape)
-        if (nx, ny) == tuple(shape) and min(nx, ny) >= 3:
-            return nx, ny
-    except (TypeError, ValueError, OverflowError):
-        pass
-    raise fault("shape", shape, "give two whole numbers of at least 3, (cells x, cells y)")
-
-
-def _finite(name: str, values: npt.ArrayLike) -> Array:
-    """An array of finite real numbers."""
-    try:
-        found = np.asarray(values)
-        if not np.iscomplexobj(found):
-            found = found.astype(np.float64)
-            if np.isfinite(found).all():
-                return found
-    except (TypeError, ValueError):
-        pass
-    raise fault(name, values, "give finite numbers")

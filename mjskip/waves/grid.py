@@ -24,10 +24,7 @@ from mjskip.waves._stencil import (
     sponge,
     step_change_filter,
 )
-from mjskip.waves._tile_kernels import ABOUT, COLUMNS, GENERAL, ROWS, STILL, Tiles
-
-TILE = 64
-"""Cells along a side of a tile where tiles may be still: its rows stay in the first-level cache."""
+from mjskip.waves._tile_kernels import ABOUT, COLUMNS, GENERAL, ROWS, STILL, TILE, Tiles
 
 STEPS_BETWEEN_CHECKS = 16
 """Steps between looks for calm tiles: a look costs about as much as a step."""

@@ -36,7 +36,7 @@ WORKERS = 2
 LEFT = 1e-3
 """Time in the air that makes an exit of a single touch [s]: short, so that a slow exit still counts."""
 
-LAWS = tuple(FORCE_LAWS)
+LAWS = tuple(law for law in FORCE_LAWS if law != "none")
 
 COLOURS = {
     "lee2010": "#1f5fa8",

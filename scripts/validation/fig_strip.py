@@ -14,7 +14,7 @@ import numpy as np
 from _common import main, picture
 
 from mjskip import load_scene, render_video, simulate
-from mjskip.draw.render import frames
+from mjskip.draw.render import Shot, frames
 from mjskip.errors import RenderError
 
 TITLE = "Figures 4 and 6: a film strip"
@@ -59,16 +59,8 @@ def run(*, quick: bool, out: Path) -> dict[str, Any]:
 
 def _strip(scene: Any, flight: Any, until: float, size: tuple[int, int]) -> list[Any]:
     """PICTURES_SHOWN pictures at equal times."""
-    fps = PICTURES_SHOWN / until
-    wanted = 30.0 if fps < 30.0 else fps
-    every = round(wanted / fps)
-    shown = []
-    for k, image in enumerate(frames(scene, flight, camera="side", size=size, fps=every * fps)):
-        if k % every == every - 1:
-            shown.append(image)
-        if len(shown) == PICTURES_SHOWN:
-            break
-    return shown
+    times = until * np.arange(1, PICTURES_SHOWN + 1) / PICTURES_SHOWN
+    return list(frames(scene, flight, Shot(camera="side", size=size), times=times))
 
 
 def draw(flight: Any, touches: Any, until: float, strip: Any, path: Path) -> None:
