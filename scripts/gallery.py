@@ -178,6 +178,12 @@ EXHIBITS = (
         make=still("thrower", "side", 0.5),
     ),
     Exhibit(
+        name="boat.webp",
+        text="What floats is filmed as throws are.",
+        command="mjskip run boat --video boat.mp4 --duration 3",
+        make=still("boat", "side", 1.0),
+    ),
+    Exhibit(
         name="curves.png",
         text="Two throws on one page.",
         command="mjskip run --save spin.nc; mjskip run --spin 0 --save still.nc; "

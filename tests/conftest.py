@@ -158,7 +158,6 @@ def clanet_scene():
 KNOWN_FAILURES = {
     "test_fuzz.py::test_every_case_ends_in_a_result_or_in_one_line[call]": "some unfit arguments still raise TypeError",
     "test_film.py::test_a_duel_shows_both_throws_at_the_same_moment": "after JAX was loaded in the same process: os.fork",
-    "test_render.py::test_rings_show[shaded]": "rings are fainter in the shader than the test asks",
 }
 """Tests that are known to fail, and why as far as it is known; the closing note names them too."""
 

@@ -1,5 +1,8 @@
 """Forces to see."""
 
+import inspect
+from dataclasses import fields
+
 import mujoco
 import numpy as np
 import pytest
@@ -72,3 +75,25 @@ def test_a_viewers_scene_gets_them_as_geoms(throw, touch):
     np.testing.assert_allclose(scene.geoms[1].rgba[:3], np.array(BUOYANCY) / 255.0, atol=1e-6)
     add_loads(scene, loads)  # and no more than it has room for
     assert scene.ngeom == 2
+
+
+def test_every_option_of_a_shot_is_one_of_render_video_and_reaches_the_film(
+    throw, tmp_path, monkeypatch
+):
+    names = {field.name for field in fields(render.Shot)}
+    assert names <= set(inspect.signature(render.render_video).parameters)
+    seen = []
+
+    def frames(scene, trajectory, shot):
+        seen.append(shot)
+        raise InterruptedError
+
+    monkeypatch.setattr(render, "frames", frames)
+    other = {
+        "camera": "top", "size": (64, 48), "fps": 7.0, "slow": 3.0, "look": "plain", "linger": 0.0,
+        "trail": False, "marks": False, "caption": False, "spray": False, "forces": True,
+    }  # fmt: skip
+    assert set(other) == names
+    with pytest.raises(InterruptedError):
+        render.render_video(small(), throw, tmp_path / "a.mp4", **other)
+    assert seen == [render.Shot(**other)]

@@ -811,3 +811,16 @@ def test_the_view_of_the_whole_throw_shows_it_from_end_to_end(playground):
         wait_until(lambda: page.tab.frames > frames + 1)
         assert page.tab._nodes["lake"].position[0] != -middle[0]
     wait_until(lambda: not playground.tabs)
+
+
+def test_after_its_run_a_stone_goes_on_a_little_and_sinks(thrown):
+    from mjskip.play.player import SINKING, SLOWING, pose_after
+
+    flight = thrown.chosen
+    assert flight.end == "planing"
+    end, last = float(flight.time[-1]), flight.x[-1]
+    np.testing.assert_array_equal(pose_after(flight, 0.5 * end)[0], pose_at(flight, 0.5 * end)[0])
+    later = pose_after(flight, end + 3.0)[0]
+    ahead = float(np.linalg.norm((later - last)[:2]))
+    assert 0.9 < ahead / (SLOWING * np.linalg.norm(flight.velocity[-1, :2])) <= 1.0
+    assert last[2] - later[2] == pytest.approx(SINKING * (3.0 - SLOWING))

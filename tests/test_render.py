@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from flights import SMALL, flight, small
 
+from mjskip.coupling.plugin import register_plugin
 from mjskip.draw import render, stage
 from mjskip.draw.skin import Grid
 from mjskip.errors import MjskipWarning, SceneError
-from mjskip.throws.scene import load_scene, shipped_scenes
+from mjskip.throws.scene import shipped_scenes
 from mjskip.throws.simulate import simulate_all
 
 
@@ -55,7 +56,8 @@ def test_the_stone_shows(look):
 
 @pytest.mark.parametrize("name", shipped_scenes())
 def test_cameras_are_level_and_above_the_water_unless_their_name_says_otherwise(name):
-    model = load_scene(name).model
+    register_plugin()  # of some
+    model = mujoco.MjModel.from_xml_path(str(shipped_scenes()[name]))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     for k in range(model.ncam):

@@ -369,6 +369,19 @@ def test_water_that_cannot_look_so_is_refused(wrong):
         WaterAppearance(**wrong)
 
 
+def test_a_sea_that_bodies_float_in_is_drawn_with_its_height():
+    class Swell:
+        surface = object()
+
+        def elevation(self, data, points):
+            return 0.1 * np.sin(points[:, 0] - data)
+
+    patch = patch_of(Swell(), focus=(3.04, 0.0), data=0.5)
+    x = patch.origin[0] + patch.spacing * np.arange(len(patch.elevation))
+    np.testing.assert_allclose(patch.elevation[:, 7], 0.1 * np.sin(x - 0.5), atol=1e-6)
+    assert np.abs(patch_of(Swell()).elevation).max() == 0.0  # without data it is nobody's
+
+
 def test_without_shaders_the_error_names_the_plain_look(monkeypatch):
     monkeypatch.setattr(module, "shaders_work", lambda: False)
     with pytest.raises(RenderError, match="look='plain'"):

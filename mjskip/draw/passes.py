@@ -56,6 +56,8 @@ void main()
 """
 """Two triangles for each tile of a picture, counted in rows from the lower left."""
 
+_SMALL = 320 * 240
+
 _FLIPPED = ("PICTURE", "SURE", "COPY", "DISTANCE")
 """Passes that turn a picture over, for rows from the top."""
 
@@ -113,6 +115,11 @@ def program(*parts: str, spray: bool = False) -> int:
     if block != gl().GL_INVALID_INDEX:
         gl().glUniformBlockBinding(found, block, 0)
     return int(found)
+
+
+def shrink_of(width: int, height: int) -> int:
+    """Pixels of a picture to one of its LIGHT, each way: small pictures have none to spare."""
+    return 1 if width * height <= _SMALL else 2
 
 
 class Texture:
@@ -249,7 +256,8 @@ class WaterPasses:
     def __init__(self, size: tuple[int, int]) -> None:
         """Make room for pictures of this width and height."""
         g = gl()
-        half = -(-size[0] // 2), -(-size[1] // 2)
+        shrink = shrink_of(*size)
+        half = -(-size[0] // shrink), -(-size[1] // shrink)
         self._size = size
         self._columns, self._rows = (-(-side // TILE) for side in size)
         self._programs: dict[str, int] = {}

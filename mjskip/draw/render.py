@@ -149,7 +149,7 @@ def render_video(
     check_video_path(path)
     shot = Shot(
         camera=camera, size=size, fps=fps, slow=slow, look=look, linger=linger, trail=trail,
-        marks=marks, caption=caption, spray=spray,
+        marks=marks, caption=caption, spray=spray, forces=forces,
     )  # fmt: skip
     images = frames(scene, trajectory, shot)
     with contextlib.closing(images):

@@ -14,7 +14,7 @@ from mjskip.draw import tiles
 from mjskip.draw.appearance import WaterAppearance
 from mjskip.draw.geoms import SURELY_ABOVE, Ellipsoids, Standing, moving_geoms, outlines, sun_of
 from mjskip.draw.gl import offscreen, shaders_work
-from mjskip.draw.passes import VIEW_ROWS, WaterPasses, gl, own_state
+from mjskip.draw.passes import VIEW_ROWS, WaterPasses, gl, own_state, shrink_of
 from mjskip.draw.surface import BLOCK, BORDER, Patch, ShaderSurface, patch_of
 from mjskip.draw.surroundings import Surroundings
 from mjskip.errors import RenderError
@@ -94,6 +94,7 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         self.spray: tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]] | None = None
         self._surroundings: Surroundings | None = None
         self._time = 0.0
+        self._data: Any = None
         self._patch((0.0, 0.0))
         if not shaders_work():
             raise RenderError(
@@ -128,7 +129,7 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         """Gather what a camera sees, as `mujoco.Renderer.update_scene`."""
         super().update_scene(data, camera, scene_option)
         self._usual = scene_option is None
-        self._time = float(data.time)
+        self._time, self._data = float(data.time), data
         self._bodies = self._ellipsoids.rows(data)
         low, high = outlines(self._model, data, self._moving)
         self._outlines = (
@@ -245,8 +246,9 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
     def _patch(self, focus: tuple[float, float]) -> Patch:
         """What is drawn of the water now."""
         return patch_of(
-            self.water, focus=focus, time=self._time, spacing=self._spacing, centre=self._centre
-        )
+            self.water, focus=focus, time=self._time, spacing=self._spacing, centre=self._centre,
+            data=self._data,
+        )  # fmt: skip
 
     def _look_around(self, data: mujoco.MjData, passes: WaterPasses) -> None:
         """Draw the bottom and the scenery once."""
@@ -308,7 +310,10 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         view[0, :3] = position
         view[1] = *(ahead + raised * up), flat
         view[2] = *(half_width * np.cross(ahead, up)), -middle
-        view[3] = *(half_height * up), half_width / self._width
+        view[3] = (
+            *(half_height * up),
+            2.0 * half_width / self._width * shrink_of(self._width, self._height),
+        )
         view[4] = 1.0 / far, 1.0 / near - 1.0 / far, near, far - near
         return position, ahead
 

@@ -30,7 +30,7 @@ LOOKS: tuple[Look, ...] = get_args(Look)
 _GOES_ON = ("planing", "out of time")  # ends after which a stone moved on: it is not drawn any more
 _AWAY = 1e3  # [m] below
 _HIDDEN = 5  # a geom group that MuJoCo does not draw by default
-_WET = 0.55  # of its colour that a wet stone has
+_WET = 0.7  # of its colour that a wet stone has
 
 
 class Stage:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
 
+from mjskip._typing import Array
 from mjskip.draw._draw_kernels import fill_surface
 
 BLOCK = 16
@@ -17,6 +19,9 @@ BORDER = 12
 
 WINDOW = 512
 """Cells a side of what is drawn of water without end."""
+
+SEA, SEA_STEP = 160, 0.1
+"""Cells a side, and their size [m], of what is drawn of a sea that a coupling tells the height of."""
 
 SingleArray = npt.NDArray[np.float32]
 
@@ -64,17 +69,19 @@ def patch_of(
     time: float = 0.0,
     spacing: float | None = None,
     centre: tuple[float, float] = (0.0, 0.0),
+    data: Any = None,
 ) -> Patch:
     """What is drawn of any water.
 
     Args:
         water: None for still water; an array (nx, ny) of heights [m] with its spacing; a `HeightField`;
             anything else with its `window`; a recording, which is asked for its surface at a time;
-            a coupling of bodies and water, which is asked for its surface.
+            a coupling of bodies and water, which is asked for the height of its surface.
         focus: of water without end, the part about this point is drawn (x, y) [m].
         time: of a recording [s].
         spacing: side of a cell of an array [m].
         centre: of an array (x, y) [m].
+        data: the `mujoco.MjData` whose water it is, for a coupling; without it its water is still.
 
     Raises:
         ValueError: the water is none of these, or an array is of no use.
@@ -85,8 +92,10 @@ def patch_of(
         return _patch_of_array(water, spacing, centre)
     if callable(getattr(water, "at", None)):  # a recording
         return patch_of(water.at(time), focus=focus, time=time)
-    if hasattr(water, "surface"):  # a coupling: None where its water is still
-        return patch_of(water.surface, focus=focus, time=time)
+    if callable(getattr(water, "elevation", None)):  # a coupling
+        if data is None or water.surface is None:
+            return STILL
+        return _patch_of_sea(lambda points: water.elevation(data, points), focus)
     endless = getattr(water, "boundary", None) in ("endless", "periodic")
     if isinstance(water, Surface) and not endless:
         return Patch(water.elevation, water.spacing, water.centre)
@@ -94,12 +103,19 @@ def patch_of(
         heights, x, y = water.window(*focus, (WINDOW, WINDOW))
         middle = float(x[[0, -1]].mean()), float(y[[0, -1]].mean())
         return Patch(heights, float(water.spacing), middle)
-    if hasattr(water, "blocks") and hasattr(water, "water"):  # a coupling over still water
-        return STILL
     raise ValueError(
         f"water is a {type(water).__name__}: give a coupling, a HeightField, a recording, an array "
         "(nx, ny) of heights with its spacing, or None for still water"
     )
+
+
+def _patch_of_sea(height: Callable[[Array], Array], focus: tuple[float, float]) -> Patch:
+    """A sea that tells its height at points (n, 2) [m]: the square about a point that is looked at."""
+    middle = tuple(SEA_STEP * round(at / SEA_STEP) for at in focus)  # whole steps: nothing shimmers
+    axis = SEA_STEP * (np.arange(SEA) - 0.5 * (SEA - 1))
+    x, y = np.meshgrid(middle[0] + axis, middle[1] + axis, indexing="ij")
+    heights = height(np.column_stack([x.ravel(), y.ravel()])).reshape(SEA, SEA)
+    return Patch(heights.astype(np.float32), SEA_STEP, (middle[0], middle[1]))
 
 
 def _patch_of_array(

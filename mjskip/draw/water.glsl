@@ -1,6 +1,6 @@
 // Water over a picture of everything else, in two passes over the same rays.
 //
-//   LIGHT     half as many pixels each way: where the surface is, how it leans, and Fresnel's mixture of what
+//   LIGHT     half as many pixels each way, but in small pictures: where the surface is, how it leans, and Fresnel's mixture of what
 //             is mirrored in it and seen through it. WAVES: with those of the field, else as still water. STANDING:
 //             also what stands in it and reaches out, as the picture shows it. SHADE: shadows of what moves, MIRROR:
 //             images of it, DIVE: what of it is under water. SUNK: the eye is under water.
@@ -34,7 +34,7 @@ layout(std140) uniform View {
     vec4 eye;        // position; +1 above the water, -1 below
     vec4 ahead;      // unit forward; 1 if rays are parallel (orthographic)
     vec4 right;      // scaled by the half width of what is seen a metre ahead; centre of the picture, in half widths
-    vec4 up;         // scaled by the half height; half width of a pixel a metre ahead [m]
+    vec4 up;         // scaled by the half height; width of a pixel of LIGHT a metre ahead [m]
     vec4 planes;     // 1 / far, 1 / near - 1 / far, near, far - near [m]
     vec4 field;      // offsets along x and y, and scales [1/m], of places in the texture of heights
     vec4 blocks;     // the same for the texture of their greatest
@@ -371,7 +371,7 @@ void main()
     float t = min(strike(o, ray), 1e4);
     vec3 p = o + t * ray;
     p.z = dips && t < 1e3 ? p.z : 0.0;
-    float pixel = 2.0 * up.w * (ahead.w == 1.0 ? 1.0 : t), slant = max(abs(d.z), 0.02);
+    float pixel = up.w * (ahead.w == 1.0 ? 1.0 : t), slant = max(abs(d.z), 0.02);
     float width = pixel * inversesqrt(slant);
     vec2 slope = wind(p.xy, width);
 #ifdef WAVES

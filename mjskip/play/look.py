@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import html
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from mjskip.draw.forces import loads_at
 from mjskip.hydro.stone import Stone
 from mjskip.play.player import Frame
 from mjskip.play.surface import EVEN, STEP, DrawnWater
 from mjskip.play.thrown import ThrowResult
 from mjskip.throws.scene import Scene
 from mjskip.throws.throw import Throw
-from mjskip.throws.trajectory import Trajectory
+from mjskip.throws.trajectory import Trajectory, pose_at
+
+Array = npt.NDArray[np.float64]
 
 FOLLOW, WHOLE = "follow the stone", "the whole throw"
 VIEWS = (FOLLOW, WHOLE)
@@ -39,6 +43,13 @@ TRAIL_PIECES = 160
 """Straight pieces of the drawn path."""
 
 PLOT_POINTS = 300
+
+RAISED = 2.5
+"""Times that waves are drawn as high as they are, so that rings are seen; the page says so."""
+
+MARK, FORCES = (255, 214, 140), {"water": (70, 160, 255), "air": (250, 250, 250)}
+RING = 0.1
+"""Radius of the mark of a touch [m]."""
 
 
 # The lake ---------------------------------------------------------------------------------------
@@ -89,7 +100,12 @@ def lake(client: Any, water: DrawnWater, stones: Mapping[str, Stone]) -> dict[st
             thickness_units="screen",
             visible=False,
         )
-    nodes["touches"] = []
+    for kind, colour in FORCES.items():
+        nodes[f"force {kind}"] = scene.add_line_segments(
+            f"/lake/force_{kind}", np.zeros((3, 2, 3), np.float32), colour, thickness=5.0,
+            thickness_units="screen", visible=False,
+        )  # fmt: skip
+    nodes["touches"], nodes["scale"] = [], []
     aim(client, FOLLOW, None)
     return nodes
 
@@ -129,6 +145,8 @@ def place_throw(nodes: dict[str, Any], thrown: ThrowResult) -> None:
             node.vertices = stone.vertices.astype(np.float32)
             node.faces = stone.faces.astype(np.uint32)
         nodes[f"trail {name}"].visible = False
+    x, y, _ = thrown.chosen.x[0].tolist()
+    draw_scale(nodes, (x, y), _length(thrown))
 
 
 def still(nodes: dict[str, Any], water: DrawnWater, scene: Scene, throw: Throw) -> None:
@@ -149,16 +167,45 @@ def still(nodes: dict[str, Any], water: DrawnWater, scene: Scene, throw: Throw) 
     nodes["lake"].position = (0.0, 0.0, 0.0)
     nodes["water"].position = (0.0, 0.0, 0.0)
     nodes["water"].vertices = water.vertices(None, middle=(0.0, 0.0))
+    for kind in FORCES:
+        nodes[f"force {kind}"].visible = False
+    draw_scale(nodes, (0.0, 0.0), 12.0)
 
 
-def draw(nodes: dict[str, Any], water: DrawnWater, frame: Frame, *, view: str) -> None:
-    """Put one moment into the scene: the newest surface, the stones, their paths."""
+def draw_scale(nodes: dict[str, Any], start: tuple[float, float], length: float) -> None:
+    """A tick on the water at every metre of a throw along x, numbered."""
+    for node in nodes["scale"]:
+        node.remove()
+    scene, (x, y) = nodes["client"].scene, start
+    metres = range(math.ceil(length) + 2)
+    ends = [[(x + k, y - 0.55, 0.012), (x + k, y - 0.40, 0.012)] for k in metres]
+    ends.append([(x, y - 0.55, 0.012), (x + metres[-1], y - 0.55, 0.012)])
+    nodes["scale"] = [
+        scene.add_line_segments(
+            "/lake/scale", np.array(ends, np.float32), MARK, thickness=2.0, thickness_units="screen"
+        )
+    ]
+    for k in metres[1:]:
+        place = (x + float(k), y - 0.62, 0.02)
+        nodes["scale"].append(
+            scene.add_label(f"/lake/scale_{k}", f"{k} m", position=place, font_screen_scale=0.7)
+        )
+
+
+def draw(
+    nodes: dict[str, Any], water: DrawnWater, frame: Frame, *, view: str, forces: bool = False
+) -> None:
+    """Put one moment into the scene: the newest surface, the stones, their paths, the forces."""
     thrown = frame.thrown
-    x, y, _ = frame.poses[thrown.scene.body][0].tolist()
+    x, y, _ = pose_at(thrown.chosen, frame.time)[
+        0
+    ].tolist()  # held when the run is over: rings are there
     if view != FOLLOW:
         x, y, _ = (0.5 * (thrown.chosen.x[0] + thrown.chosen.x[-1])).tolist()
     place = water.place(x, y)
-    nodes["water"].vertices = water.vertices(frame.water, middle=place)
+    surface = water.vertices(frame.water, middle=place)
+    surface[:, 2] *= RAISED
+    nodes["water"].vertices = surface
     nodes["water"].position = (*place, 0.0)
     nodes["lake"].position = (-x, -y, 0.0)
     for name, (position, attitude) in frame.poses.items():
@@ -167,6 +214,24 @@ def draw(nodes: dict[str, Any], water: DrawnWater, frame: Frame, *, view: str) -
         trail = nodes[f"trail {name}"]
         trail.points = path(thrown.flights[name], until=frame.time)
         trail.visible = True
+    body, flight = thrown.scene.body, thrown.chosen
+    shown = forces and frame.time <= flight.time[-1]
+    arrows = loads_at(flight, thrown.scene.stones[body], frame.time).arrows if shown else []
+    for kind, colour in FORCES.items():
+        node = nodes[f"force {kind}"]
+        found = [arrow(a, b) for a, b, drawn in arrows if drawn == colour]
+        node.visible = bool(found)
+        if found:
+            node.points = found[0]
+
+
+def arrow(start: Array, tip: Array) -> npt.NDArray[np.float32]:
+    """A line with a head as pieces (3, 2, 3) [m]."""
+    along = tip - start
+    across = np.cross(along, [0.0, 1.0, 0.0])
+    across *= 0.12 * np.linalg.norm(along) / max(float(np.linalg.norm(across)), 1e-9)
+    neck = start + 0.75 * along
+    return np.array([[start, tip], [tip, neck + across], [tip, neck - across]], np.float32)
 
 
 def path(flight: Trajectory, *, until: float) -> npt.NDArray[np.float32]:
@@ -177,12 +242,22 @@ def path(flight: Trajectory, *, until: float) -> npt.NDArray[np.float32]:
 
 
 def mark_touches(nodes: dict[str, Any], frame: Frame) -> None:
-    """A number over the place of every touch until now."""
+    """A ring and a number at the place of every touch until now."""
     contacts = frame.thrown.chosen.contacts[: frame.touches]
-    if len(nodes["touches"]) > len(contacts):
+    if len(nodes["touches"]) > 2 * len(contacts):
         _forget_touches(nodes)
-    for number in range(len(nodes["touches"]) + 1, len(contacts) + 1):
+    for number in range(len(nodes["touches"]) // 2 + 1, len(contacts) + 1):
         x, y, _ = contacts[number - 1].entry.position
+        turn = np.linspace(0.0, 2.0 * math.pi, 41)
+        ring = np.column_stack(
+            [x + RING * np.cos(turn), y + RING * np.sin(turn), 0.0 * turn + 0.012]
+        )
+        nodes["touches"].append(
+            nodes["client"].scene.add_line_segments(
+                f"/lake/ring_{number}", np.stack([ring[:-1], ring[1:]], axis=1).astype(np.float32),
+                MARK, thickness=3.0, thickness_units="screen",
+            )
+        )  # fmt: skip
         nodes["touches"].append(
             nodes["client"].scene.add_label(
                 f"/lake/touch_{number}",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -10,7 +11,7 @@ from dataclasses import dataclass
 from mjskip._typing import Array
 from mjskip.play.thrown import ThrowResult
 from mjskip.throws.rings import recorded_rings
-from mjskip.throws.trajectory import pose_at
+from mjskip.throws.trajectory import Trajectory, pose_at
 from mjskip.waves.field import HeightField
 from mjskip.waves.recording import SurfaceFrames
 
@@ -19,6 +20,9 @@ AFTER = 4.0
 
 FPS = 30.0
 """Frames per second at most."""
+
+SLOWING, SINKING = 0.2, 0.35
+"""After its run a stone goes on for about this time [s], and sinks at this speed [m/s]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -77,11 +81,26 @@ class Replay:
         return Frame(
             thrown=self.thrown,
             time=time,
-            poses={name: pose_at(flight, time) for name, flight in self.thrown.flights.items()},
+            poses={name: pose_after(flight, time) for name, flight in self.thrown.flights.items()},
             touches=sum(contact.entry.time <= time for contact in contacts),
             water=self._water.at(time),
             last=time >= self.end,
         )
+
+
+def pose_after(flight: Trajectory, time: float) -> tuple[Array, Array]:
+    """The pose at a time, and how a stone goes on after its run: drawn only.
+
+    What planes on slows down and sinks; what sank sinks on; what is at rest stays.
+    """
+    position, attitude = pose_at(flight, time)
+    since = time - float(flight.time[-1])
+    if since <= 0.0 or flight.end == "at rest":
+        return position, attitude
+    speed = flight.velocity[-1] * [1.0, 1.0, 0.0]
+    ahead = speed * SLOWING * (1.0 - math.exp(-since / SLOWING))
+    late = max(since - SLOWING, 0.0) if flight.end != "sunk" else since
+    return position + ahead - [0.0, 0.0, SINKING * late], attitude
 
 
 def surface_frames() -> SurfaceFrames:

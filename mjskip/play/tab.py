@@ -142,7 +142,10 @@ class Tab:
             look.mark_touches(self._nodes, frame)
             self._touches = frame.touches
         with self.client.atomic():
-            look.draw(self._nodes, self._water, frame, view=self._choice("view", look.VIEWS))
+            look.draw(
+                self._nodes, self._water, frame, view=self._choice("view", look.VIEWS),
+                forces=bool(self._controls["forces"].value),
+            )  # fmt: skip
         self.frames += 1
         self._clock(f"{frame.time:.2f} s")
 
@@ -200,6 +203,12 @@ class Tab:
         )
         controls["view"] = gui.add_dropdown("view", look.VIEWS, initial_value=look.FOLLOW)
         controls["view"].on_update(self._change_view)
+        controls["forces"] = gui.add_checkbox(
+            "forces", False, hint="Arrows of the water (blue) and the air (white) on the stone."
+        )
+        controls["waves"] = gui.add_html(
+            look.small(f"Waves are drawn {look.RAISED:g} times as high as they are.")
+        )
         controls["clock"] = gui.add_html("")
         with gui.add_folder("Throw it", order=None):
             for name in THROW:
