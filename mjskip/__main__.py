@@ -6,9 +6,12 @@ from types import FrameType
 
 INTERRUPTED = 130
 
+_interrupts: list[int] = []
 
-def _interrupt(_number: int, frame: FrameType | None) -> None:
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
     """Raise KeyboardInterrupt; in the midst of an import, which would make other errors of it, end at once."""
+    _interrupts.append(number)
     while frame is not None:
         if frame.f_code.co_filename.startswith("<frozen importlib"):
             os.write(2, b"mjskip: interrupted\n")
@@ -23,7 +26,7 @@ def main() -> None:
     from mjskip.cli import main as run
 
     try:
-        run()
+        run(interrupted=lambda: bool(_interrupts))
     finally:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # nothing is left but to end
 

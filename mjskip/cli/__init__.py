@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import warnings
+from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
@@ -50,8 +51,14 @@ def cli() -> None:
     """Skip stones on MuJoCo: a water surface for rigid bodies."""
 
 
-def main(arguments: list[str] | None = None) -> None:
-    """Run a command and exit: 0 well, 1 the run diverged, 2 bad input, 130 interrupted."""
+def main(
+    arguments: list[str] | None = None, *, interrupted: Callable[[], bool] = lambda: False
+) -> None:
+    """Run a command and exit: 0 well, 1 the run diverged, 2 bad input, 130 interrupted.
+
+    `interrupted` says whether an interrupt has come: libraries that call back into Python turn a
+    KeyboardInterrupt into errors of their own, which are then not the user's.
+    """
     warnings.simplefilter("always", MjskipWarning)
     warnings.showwarning = _show_warning
     try:
@@ -59,16 +66,25 @@ def main(arguments: list[str] | None = None) -> None:
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.format_message())
         code = 0
-    except click.UsageError as error:
-        command = error.ctx.command_path if error.ctx else "mjskip"
-        code = _fail(f"{error.format_message()} See {command} --help.", 2)
-    except (click.Abort, KeyboardInterrupt):
+    except Exception as error:
+        code = _fail("interrupted", 130) if interrupted() else _code_of(error)
+    except KeyboardInterrupt:
         code = _fail("interrupted", 130)
-    except DivergedError as error:
-        code = _fail(str(error), 1)
-    except (MjskipError, ValueError) as error:
-        code = _fail(" ".join(str(error).split()), 2)
     sys.exit(code or 0)
+
+
+def _code_of(error: Exception) -> int:
+    """The exit status of an error, told in one line; a defect of ours is raised again."""
+    if isinstance(error, click.UsageError):
+        command = error.ctx.command_path if error.ctx else "mjskip"
+        return _fail(f"{error.format_message()} See {command} --help.", 2)
+    if isinstance(error, click.Abort):
+        return _fail("interrupted", 130)
+    if isinstance(error, DivergedError):
+        return _fail(str(error), 1)
+    if isinstance(error, MjskipError | ValueError):
+        return _fail(" ".join(str(error).split()), 2)
+    raise error
 
 
 def _fail(message: str, code: int) -> int:
