@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip._typing import Array
+from mjskip.coupling.water_surface import WaterSurface
 from mjskip.draw._draw_kernels import fill_surface
 
 BLOCK = 16
@@ -76,7 +77,7 @@ def patch_of(
     Args:
         water: None for still water; an array (nx, ny) of heights [m] with its spacing; a `HeightField`;
             anything else with its `window`; a recording, which is asked for its surface at a time;
-            a coupling of bodies and water, which is asked for the height of its surface.
+            a coupling of bodies and water, which is asked for the height of its surface; a `WaterSurface`.
         focus: of water without end, the part about this point is drawn (x, y) [m].
         time: of a recording [s].
         spacing: side of a cell of an array [m].
@@ -92,7 +93,9 @@ def patch_of(
         return _patch_of_array(water, spacing, centre)
     if callable(getattr(water, "at", None)):  # a recording
         return patch_of(water.at(time), focus=focus, time=time)
-    if callable(getattr(water, "elevation", None)):  # a coupling
+    if isinstance(water, WaterSurface):
+        return Patch(water.level.astype(np.float32), water.spacing, water.centre)
+    if callable(getattr(water, "elevation", None)):  # a coupling, or the plugin's sea
         if data is None or water.surface is None:
             return STILL
         return _patch_of_sea(lambda points: water.elevation(data, points), focus)
