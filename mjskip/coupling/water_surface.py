@@ -240,6 +240,11 @@ class PluginSea:
         """Height of the surface at points (n, 2) [m]: the sea, and the waves that bodies make."""
         return self.surface.elevation(plugin_state(self._model, data, self._instance), points)
 
+    def grid_elevation(self, data: mujoco.MjData, x: Array, y: Array) -> Array:
+        """The same at the points of a grid with axes x (nx,) and y (ny,) [m], quickly: (nx, ny) [m]."""
+        state = plugin_state(self._model, data, self._instance)
+        return self.surface.grid_elevation(state, x, y)
+
 
 def model_surface(model: mujoco.MjModel, data: mujoco.MjData) -> WaterSurface | PluginSea | None:
     """The moving water that a model brings by the plugin, of the first instance that has any; None if it is still."""

@@ -95,10 +95,10 @@ def patch_of(
         return patch_of(water.at(time), focus=focus, time=time)
     if isinstance(water, WaterSurface):
         return Patch(water.level.astype(np.float32), water.spacing, water.centre)
-    if callable(getattr(water, "elevation", None)):  # a coupling, or the plugin's sea
+    if callable(getattr(water, "grid_elevation", None)):  # a coupling, or the plugin's sea
         if data is None or water.surface is None:
             return STILL
-        return _patch_of_sea(lambda points: water.elevation(data, points), focus)
+        return _patch_of_sea(lambda x, y: water.grid_elevation(data, x, y), focus)
     endless = getattr(water, "boundary", None) in ("endless", "periodic")
     if isinstance(water, Surface) and not endless:
         return Patch(water.elevation, water.spacing, water.centre)
@@ -112,13 +112,13 @@ def patch_of(
     )
 
 
-def _patch_of_sea(height: Callable[[Array], Array], focus: tuple[float, float]) -> Patch:
-    """A sea that tells its height at points (n, 2) [m]: the square about a point that is looked at."""
+def _patch_of_sea(heights: Callable[[Array, Array], Array], focus: tuple[float, float]) -> Patch:
+    """A sea that tells its height on a grid: the square about a point that is looked at."""
     middle = tuple(SEA_STEP * round(at / SEA_STEP) for at in focus)  # whole steps: nothing shimmers
-    axis = SEA_STEP * (np.arange(SEA) - 0.5 * (SEA - 1))
-    x, y = np.meshgrid(middle[0] + axis, middle[1] + axis, indexing="ij")
-    heights = height(np.column_stack([x.ravel(), y.ravel()])).reshape(SEA, SEA)
-    return Patch(heights.astype(np.float32), SEA_STEP, (middle[0], middle[1]))
+    axis: Array = SEA_STEP * (np.arange(SEA, dtype=np.float64) - 0.5 * (SEA - 1))
+    east: Array = np.add(middle[0], axis)
+    found = heights(east, np.add(middle[1], axis))
+    return Patch(found.astype(np.float32), SEA_STEP, (middle[0], middle[1]))
 
 
 def _patch_of_array(

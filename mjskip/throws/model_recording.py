@@ -80,12 +80,10 @@ def _heights(
 ) -> Array:
     """Elevation in the cells of a field [m]."""
     assert field.shape is not None
-    axes = [at + field.spacing * (np.arange(n) - 0.5 * (n - 1))
-            for at, n in zip(field.centre, field.shape, strict=True)]  # fmt: skip
+    cells: list[Array] = [np.arange(n, dtype=np.float64) - 0.5 * (n - 1) for n in field.shape]
+    axes = [at + field.spacing * cell for at, cell in zip(field.centre, cells, strict=True)]
     if not isinstance(surface, WaterSurface):
-        x, y = np.meshgrid(*axes, indexing="ij")
-        points = np.column_stack([x.ravel(), y.ravel()])
-        return surface.elevation(data, points).reshape(field.shape)
+        return surface.grid_elevation(data, axes[0], axes[1])
     heights = np.zeros(field.shape)
     first = [
         round((o - axis[0]) / field.spacing) for o, axis in zip(surface.origin, axes, strict=True)
