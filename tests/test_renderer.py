@@ -375,8 +375,8 @@ def test_a_sea_that_bodies_float_in_is_drawn_with_its_height():
     class Swell:
         surface = object()
 
-        def elevation(self, data, points):
-            return 0.1 * np.sin(points[:, 0] - data)
+        def grid_elevation(self, data, x, y):
+            return 0.1 * np.sin(x - data)[:, None] + 0.0 * y
 
     patch = patch_of(Swell(), focus=(3.04, 0.0), data=0.5)
     x = patch.origin[0] + patch.spacing * np.arange(len(patch.elevation))
