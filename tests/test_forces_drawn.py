@@ -55,9 +55,9 @@ def test_forces_show_and_are_left_out_unless_asked_for(throw, touch):
 
 
 def test_a_body_behind_the_camera_draws_nothing(throw, touch):
-    from mjskip.draw.eye import Eye
+    from mjskip.draw.eye import PinholeCamera
 
-    away = Eye(
+    away = PinholeCamera(
         position=np.array([0.0, -50.0, 1.0]), forward=np.array([0.0, -1.0, 0.0]),
         up=np.array([0.0, 0.0, 1.0]), half_height=0.4, aspect=4 / 3,
     )  # fmt: skip

@@ -24,7 +24,7 @@ from mjskip.cli.sweep import number, pair, shown
 from mjskip.sweeps.optimize import GOALS, HAND, Best
 from mjskip.sweeps.optimize import optimize as search
 
-PRACTISED = ", ".join(f"{name} {shown(name, sd)}" for name, sd in HAND.items())
+HAND_SCATTER = ", ".join(f"{name} {shown(name, sd)}" for name, sd in HAND.items())
 
 
 @click.command()
@@ -41,7 +41,7 @@ PRACTISED = ", ".join(f"{name} {shown(name, sd)}" for name, sd in HAND.items())
     "--scatter",
     multiple=True,
     metavar="NAME=SD",
-    help=f"How far the hand strays from its aim.  [default: {PRACTISED}]",
+    help=f"How far the hand strays from its aim.  [default: {HAND_SCATTER}]",
 )
 @click.option("--perfect", is_flag=True, help="A hand that never strays.")
 @click.option("--members", default=32, show_default=True, metavar="N", help="Of an ensemble.")

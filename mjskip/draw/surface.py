@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
-from mjskip._typing import Array
+from mjskip._typing import Array, SingleArray
 from mjskip.draw._draw_kernels import fill_surface
 
 BLOCK = 16
@@ -22,8 +22,6 @@ WINDOW = 512
 
 SEA, SEA_STEP = 160, 0.1
 """Cells a side, and their size [m], of what is drawn of a sea that a coupling tells the height of."""
-
-SingleArray = npt.NDArray[np.float32]
 
 
 @runtime_checkable
