@@ -5,7 +5,7 @@ All that moves is state of the plugin in MjData, from `plugin_stateadr` of the i
     window       level, potential and rate (`mjskip.waves._window_kernels`)
     evaluations  of the force since the surface was last stepped
     placed       0 until the window has been put under its bodies
-    stirred      0 while nothing has pressed on the water, which then needs no step
+    disturbed    0 while nothing has pressed on the water, which then needs no step
     ring         of the last four evaluations: number of loads, then their place and vertical force on the water
 
 Every evaluation of the force (four a step for RK4) solves loads and the surface's answer to them at pose and velocity

@@ -173,14 +173,14 @@ def hull_of(model: Any, wet: WetBody, options: HullOptions, inertia: Inertia) ->
     key = _content(model, wet, options, inertia, placed)
     built = registry.find(key)
     if built is None:
-        with warnings.catch_warnings(record=True) as told:
+        with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", MjskipWarning)
             built = _build(model, wet, options, inertia, placed)
         built = BuiltHull(
             hull=built.hull,
             simplification=built.simplification,
             lost=built.lost,
-            warnings=tuple(str(w.message) for w in told if w.category is MjskipWarning),
+            warnings=tuple(str(w.message) for w in caught if w.category is MjskipWarning),
         )
         registry.keep(key, built)
     for text in built.warnings:

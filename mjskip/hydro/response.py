@@ -225,7 +225,7 @@ class _SurfaceTerms:
         )
 
     def at(self, omega: Array) -> Complex:
-        """felt . f(omega) . given for angular frequencies (w,): (w, 2 n + m, n + m)."""
+        """received . f(omega) . emitted for angular frequencies (w,): (w, 2 n + m, n + m)."""
         rows, columns = len(self.received), self.emitted.shape[1]
         share = 1.0 / (self.modes.frequencies**2 - omega[:, None] ** 2)
         out = np.empty((len(omega), rows, columns), complex)

@@ -90,7 +90,7 @@ class AccessControl:
 
 @contextmanager
 def guarded(access: AccessControl) -> Iterator[None]:
-    """Servers that are started meanwhile obey the door."""
+    """Servers that are started meanwhile obey the access control."""
     import websockets.asyncio.server as library
 
     serve = library.serve
@@ -111,7 +111,7 @@ def guarded(access: AccessControl) -> Iterator[None]:
 
 
 def _checked(access: AccessControl, answer: Callable[..., Any] | None) -> Callable[..., Any]:
-    """A handshake that asks the door first, and gives the page the token as a cookie."""
+    """A handshake that is checked first, and gives the page the token as a cookie."""
 
     def process(connection: ServerConnection, request: Request) -> Response | None:
         refused = access.admit(connection, request)

@@ -147,7 +147,7 @@ def locate(tiles: Any, i: int, j: int) -> Any:
 
 @kernel
 def _link_neighbours(tiles: Any, slot: int) -> None:
-    """Tell a tile its neighbours, and them the tile."""
+    """Link a tile and its neighbours both ways."""
     neighbours = tiles.neighbours
     a, b = tiles.names[slot, 0], tiles.names[slot, 1]
     for direction in range(9):
