@@ -171,7 +171,7 @@ class WaveGrid:
         """Arrays with room for so many tiles, and the active ones in them."""
         old, used = self.tiles, np.s_[: self.tiles.numbers[kernels.USED]]
         self._store(tiles)
-        for name in ("first", "second", "about", "names", "water"):
+        for name in ("first", "second", "neighbours", "names", "water"):
             getattr(self.tiles, name)[used] = getattr(old, name)[used]
         self.tiles.numbers[:], self.tiles.lost[:] = old.numbers, old.lost
         self.tiles.numbers[kernels.FULL] = 0
