@@ -117,13 +117,13 @@ def test_the_general_step_is_the_same_scheme_as_the_fast_one():
     tiles = pools(n, seed=2)
     slow = tiles.second[1].copy()
     around, none = np.empty((n + 2, n + 2), np.float32), np.zeros(n, np.float32)
-    medium.surround(tiles.first, tiles.about, 1, around)
+    medium.surround(tiles.first, tiles.neighbours, 1, around)
     medium.step_general(
         around, np.ones((n + 2, n + 2), np.float32), slow, 0, n, 0, n, np.float32(1), m, r,
         np.float32(2 / 3), np.float32(1 / 6), none, none, np.float32(0),
     )  # fmt: skip
     kernels.step_fast(
-        tiles.first, tiles.second, tiles.about, 1, 0, n, 0, (1 - m) / (1 + m), r / (1 + m)
+        tiles.first, tiles.second, tiles.neighbours, 1, 0, n, 0, (1 - m) / (1 + m), r / (1 + m)
     )
     # Elevations of order 3, sums of 36 of them, single precision.
     assert abs(slow - tiles.second[1])[:, :n].max() < 2e-5
@@ -195,7 +195,7 @@ def test_a_step_of_any_width_is_the_written_out_sum_and_touches_nothing_else(wid
 
 def test_a_margin_is_left_alone_and_read():
     tiles = pools(40, seed=8)
-    z, prev, about = tiles.first, tiles.second, tiles.about
+    z, prev, about = tiles.first, tiles.second, tiles.neighbours
     whole, before = prev.copy(), prev.copy()
     kernels.step_fast(z, whole, about, 1, 0, 40, 0, 0.97, 0.6)
     kernels.step_fast(z, prev, about, 1, 5, 35, 5, 0.97, 0.6)
