@@ -191,4 +191,4 @@ def test_every_camera_shows_the_stone(name, camera):
 def _moved(trajectory):
     """The same throw far below, so that the camera rides along and the stone is not seen."""
     below = trajectory.position - [0.0, 0.0, 900.0]
-    return replace(trajectory, x=below)
+    return replace(trajectory, position=below)
