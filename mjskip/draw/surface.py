@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
-from mjskip._typing import Array
+from mjskip._typing import Array, SingleArray
 from mjskip.coupling.water_surface import WaterSurface
 from mjskip.draw._draw_kernels import fill_surface
 
@@ -22,9 +22,7 @@ WINDOW = 512
 """Cells a side of what is drawn of water without end."""
 
 SEA, SEA_STEP = 160, 0.1
-"""Cells a side, and their size [m], of what is drawn of a sea that a coupling tells the height of."""
-
-SingleArray = npt.NDArray[np.float32]
+"""Cells a side, and their size [m], of what is drawn of a sea that a coupling gives the height of."""
 
 
 @runtime_checkable
