@@ -42,6 +42,7 @@ area [m^2], of every wet body of the instance in turn.
 from __future__ import annotations
 
 import ctypes
+import sys
 import threading
 import warnings
 from collections import deque
@@ -360,6 +361,7 @@ def _answer(model: int, address: int, _unused: int) -> None:
         if told.water.radiation:
             _link_sea()
         if what == kernels.CONFIGURATION:
+            _say_mjx()
             _check_sensors(view, instance, told)
         elif what == kernels.DOUBTS:
             _say_doubts(view, instance, told)
@@ -574,6 +576,22 @@ def _say_doubts(view: Any, instance: int, told: PluginSettings) -> None:
         if text not in _told:
             _told.append(text)
             warnings.warn(text, MjskipWarning, stacklevel=2)
+
+
+MJX = (
+    f"MJX is loaded, which drops plugin {NAME} without a word, so that what should float falls there: before every mjx.step "
+    "work out mjskip.jax.wrench and put it into xfrc_applied, see docs/routes.md; in MuJoCo itself the water acts"
+)
+
+
+def _say_mjx() -> None:
+    """Say once that MJX knows no plugins, to those who load a model with this one after MJX.
+
+    `mjx.put_model` reads the compiled model's arrays and calls nothing of MuJoCo's, so nothing can be said there.
+    """
+    if "mujoco.mjx" in sys.modules and MJX not in _told:
+        _told.append(MJX)
+        warnings.warn(MJX, MjskipWarning, stacklevel=2)
 
 
 def _say_too_large_step(view: Any, body: int, key: int) -> None:

@@ -31,6 +31,9 @@ class Simulation(Protocol):
     def begin(self, rows: Rows, models: Sequence[mujoco.MjModel]) -> None:
         """Give these rows their models, and every state its default."""
 
+    def set_time(self, row: int, time: float) -> None:
+        """Let a row that has begun be at another time [s]."""
+
     def forward(self, rows: Rows) -> None:
         """Work out what follows from states that were written."""
 
@@ -70,6 +73,10 @@ class Single:
         if models[0] is not self._model:
             self._load(models[0])
         mujoco.mj_resetData(self._model, self._data)
+
+    def set_time(self, row: int, time: float) -> None:
+        """Let it be at another time."""
+        self._data.time = time
 
     def forward(self, rows: Rows) -> None:
         """Work out what follows from the state."""
@@ -124,6 +131,10 @@ class Many:
                 self._models[row] = model
             self._batch.set_models(self._models)
         self._batch.reset(rows, stage=mujoco.mjtStage.mjSTAGE_NONE)
+
+    def set_time(self, row: int, time: float) -> None:
+        """Let a row be at another time."""
+        self._batch.time[row] = time
 
     def forward(self, rows: Rows) -> None:
         """Work out what follows from states that were written."""
