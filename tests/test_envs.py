@@ -263,6 +263,11 @@ def test_many_rafts_in_a_sea_are_those_one_by_one_to_the_bit():
     np.testing.assert_array_equal(run(batch, actions, 7), run(single, actions, 7))
     batch.close()
     single.close()
+    still = many("Float", 2)
+    with pytest.raises(ValueError, match="all episodes of a batch are in still water, or all in a"):
+        still.reset(options={"sea": sea})
+    still.reset(seed=0)
+    still.step(np.zeros((2, 3)))
 
 
 def test_ranges_are_drawn_anew_for_every_episode():

@@ -124,12 +124,23 @@ class Many:
         self._warnings = batch.warning[:, DIVERGED, 1]
 
     def begin(self, rows: Rows, models: Sequence[mujoco.MjModel]) -> None:
-        """Give these rows their models, and every state its default."""
+        """Give these rows their models, and every state its default.
+
+        Raises:
+            ValueError: their states are not of the size that those of the batch have.
+        """
         changed = [(r, m) for r, m in zip(rows, models, strict=True) if m is not self._models[r]]
         if changed:
+            wanted = list(self._models)
             for row, model in changed:
-                self._models[row] = model
-            self._batch.set_models(self._models)
+                wanted[row] = model
+            try:
+                self._batch.set_models(wanted)
+            except mujoco.FatalError as error:
+                raise ValueError(
+                    "sea: all episodes of a batch are in still water, or all in a sea; give sea= to make_vec"
+                ) from error
+            self._models = wanted
         self._batch.reset(rows, stage=mujoco.mjtStage.mjSTAGE_NONE)
 
     def set_time(self, row: int, time: float) -> None:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
+from numpy.random import default_rng
 
 from mjskip._typing import Array
 from mjskip.checks import check_choice, check_count, fault
@@ -44,8 +45,10 @@ class Episodes:
         self.task = task
         self._default = Variation(water, stone, sea, has=task.has)
         self.variation = self._default
+        # of a batch, whose states have one size for good
+        model = task.model if sea is None else task.compile(self._default.draw(default_rng(0)))
         self.simulation: Simulation = (
-            Single(task.model) if threads is None else Many(task.model, count, threads)
+            Single(model) if threads is None else Many(model, count, threads)
         )
         task.allocate(count)
         self.info = task.info()
