@@ -49,20 +49,19 @@ def at(states, k):
     return State(*(value[k] for value in states))
 
 
-FEW = [
-    "floating",
-    "bocquet2003 centre",
-    "rayleigh1876_forward centre",
-    "bocquet2003 local quadrature",
-]
+FEW = ["floating", "bocquet2003 centre"]
 """All terms of the formula, both gates: to compile takes seconds each."""
-
-some = pytest.mark.parametrize(
-    "name", [name if name in FEW else pytest.param(name, marks=pytest.mark.slow) for name in WATERS]
-)
+INTEGRATED = ["rayleigh1876_forward centre", "bocquet2003 local quadrature"]
 
 
-@some
+def some(quick):
+    """These waters, and the others among the slow tests."""
+    return pytest.mark.parametrize(
+        "name", [n if n in quick else pytest.param(n, marks=pytest.mark.slow) for n in WATERS]
+    )
+
+
+@some([*FEW, *INTEGRATED])
 def test_the_load_is_the_compiled_one(name):
     water = WATERS[name]
     load = jax.jit(jax.vmap(mjskip.jax.wrench(PEBBLE, water)))
@@ -88,7 +87,7 @@ def unflat(x):
     return State(x[:3], x[3:7], x[7:10], x[10:])
 
 
-@some
+@some(FEW)
 def test_derivatives_are_those_of_finite_differences(name):
     load = mjskip.jax.wrench(PEBBLE, WATERS[name])
 
