@@ -238,9 +238,9 @@ def shown(name: str, value: Any) -> str:
 def run_summary(data: xr.Dataset, known: _Known, seconds: float) -> Group:
     """A table of the runs: what was varied and what came of it, angles in degrees."""
     status, counts = np.unique(data["status"].values, return_counts=True)
-    told = ", ".join(f"{n} {s or 'not done'}" for s, n in zip(status, counts, strict=True))
+    counted = ", ".join(f"{n} {s or 'not done'}" for s, n in zip(status, counts, strict=True))
     bad = data["reason"].values[data["reason"].values != ""]
-    title = f"{data['status'].size} runs in {seconds:.1f} s: {told}"
+    title = f"{data['status'].size} runs in {seconds:.1f} s: {counted}"
     title += f"\n[yellow]first of those without a result:[/] {bad[0]}" if len(bad) else ""
     results = [str(n) for n in data.data_vars if n not in ("status", "reason")]
     numbers = data[results].mean("member") if "member" in data.dims else data[results]
@@ -251,19 +251,19 @@ def run_summary(data: xr.Dataset, known: _Known, seconds: float) -> Group:
     table = plain_table(
         *(f"{str(c).replace('_', ' ')}\n{u}" for c, (u, _) in zip(rows, shown, strict=True))
     )
-    for row in rows.head(MOST_ROWS).itertuples(index=False):
+    for row in rows.head(MAX_ROWS).itertuples(index=False):
         table.add_row(
             *(
                 v if isinstance(v, str) else f"{v * factor:.4g}"
                 for v, (_, factor) in zip(row, shown, strict=True)
             )
         )
-    if len(rows) > MOST_ROWS:
-        table.caption = f"the first {MOST_ROWS} of {len(rows)}: --save FILE keeps all"
+    if len(rows) > MAX_ROWS:
+        table.caption = f"the first {MAX_ROWS} of {len(rows)}: --save FILE keeps all"
     return Group(title, table)
 
 
-MOST_ROWS = 40
+MAX_ROWS = 40
 """Runs that are printed."""
 
 

@@ -19,9 +19,8 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from mjskip._typing import Array, Complex
 from mjskip.hydro.surface_modes import wavenumber
-
-Array = npt.NDArray[np.float64]
 
 Spectrum = Literal["jonswap", "pierson-moskowitz"]
 GAMMA = 3.3
@@ -60,14 +59,14 @@ def sea_text(changes: Mapping[str, float], before: str = "") -> str:
         changes: values by key of `SEA_UNITS`; one kind of waves takes the place of the other.
         before: the text that is changed.
     """
-    told = dict(word.partition("=")[::2] for word in before.replace(",", " ").split())
+    given = dict(word.partition("=")[::2] for word in before.replace(",", " ").split())
     for own, other in ((REGULAR, IRREGULAR), (IRREGULAR, REGULAR)):
         if own & changes.keys():
-            told = {key: value for key, value in told.items() if key not in other}
+            given = {key: value for key, value in given.items() if key not in other}
     for key, value in changes.items():
         shown = math.degrees(value) if SEA_UNITS[key] == "rad" else value
-        told[key] = f"{shown:.0f}" if key in ("seed", "components") else repr(float(shown))
-    return " ".join(f"{key}={value}" for key, value in told.items())
+        given[key] = f"{shown:.0f}" if key in ("seed", "components") else repr(float(shown))
+    return " ".join(f"{key}={value}" for key, value in given.items())
 
 
 def sea_numbers(text: str) -> dict[str, float]:
@@ -77,10 +76,10 @@ def sea_numbers(text: str) -> dict[str, float]:
         ValueError: it is no sea.
     """
     Sea.from_text(text)
-    told = dict(word.partition("=")[::2] for word in text.replace(",", " ").split())
+    given = dict(word.partition("=")[::2] for word in text.replace(",", " ").split())
     return {
         key: math.radians(float(value)) if SEA_UNITS[key] == "rad" else float(value)
-        for key, value in told.items()
+        for key, value in given.items()
     }
 
 
@@ -298,7 +297,7 @@ class Sea:
             )
         return cls(current=current, depth=depth, gravity=gravity)
 
-    def _swings(self, points: Array, time: float) -> npt.NDArray[np.complex128]:
+    def _swings(self, points: Array, time: float) -> Complex:
         """a exp(i theta) at the horizontal places of points (m, 2 or 3): (m, n)."""
         place = points[:, :2] - self.current * time
         toward = np.stack([np.cos(self.direction), np.sin(self.direction)])

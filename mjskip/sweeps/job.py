@@ -244,7 +244,7 @@ def _by_mujoco(job: Job, todo: list[Any], found: dict[str, Any], threads: int | 
 
 def outcome(trajectory: Trajectory) -> dict[str, Any]:
     """What a sweep keeps of a trajectory."""
-    way = trajectory.x[-1] - trajectory.x[0]
+    way = trajectory.position[-1] - trajectory.position[0]
     first = trajectory.contacts[0] if trajectory.contacts else None
     left = first.exit if first else None
     return {

@@ -341,10 +341,10 @@ class ModelJob:
         sea = {name.removeprefix("sea_"): point[name] for name in SEA if name in point}
         for plugin in spec.plugins:
             if plugin.plugin_name == NAME:
-                told = dict(plugin.config) | {key: _text(value) for key, value in water.items()}
+                config = dict(plugin.config) | {key: _text(value) for key, value in water.items()}
                 if sea:
-                    told |= {"radiation": "true", "sea": sea_text(sea, told.get("sea", ""))}
-                plugin.config = told
+                    config |= {"radiation": "true", "sea": sea_text(sea, config.get("sea", ""))}
+                plugin.config = config
         return spec.compile()
 
     def _outcome(self, model: mujoco.MjModel, point: Mapping[str, Any]) -> dict[str, float]:

@@ -41,7 +41,7 @@ HAND: dict[str, float] = {
 NEIGHBOURS = 9
 """Values of each parameter that the neighbourhood looks at, over its whole range."""
 
-GOOD = 0.9
+GOOD_FRACTION = 0.9
 """Part of the best mean that still counts as good in the neighbourhood."""
 
 
@@ -53,7 +53,7 @@ class Neighbourhood:
         values: of the parameter (n,), ascending, SI.
         mean: of the goal over the ensemble (n,).
         deviation: of the goal within the ensemble (n,).
-        good: lowest and highest value around the best one at which the mean is at least `GOOD` of it.
+        good: lowest and highest value around the best one at which the mean is at least `GOOD_FRACTION` of it.
     """
 
     values: Array
@@ -250,9 +250,9 @@ def _around(
     mean = found.mean(axis=1)
     here = int(np.argmin(abs(values - aim[k])))
     first = last = here
-    while first > 0 and mean[first - 1] >= GOOD * mean[here]:
+    while first > 0 and mean[first - 1] >= GOOD_FRACTION * mean[here]:
         first -= 1
-    while last < len(values) - 1 and mean[last + 1] >= GOOD * mean[here]:
+    while last < len(values) - 1 and mean[last + 1] >= GOOD_FRACTION * mean[here]:
         last += 1
     return Neighbourhood(
         values=values,

@@ -153,7 +153,7 @@ class Recorder:
         contacts = self._contacts(time, states, load.force)
         return Trajectory(
             time=time,
-            x=state.position,
+            position=state.position,
             q=quaternions(state.rotation),
             P=self.stone.mass * state.velocity,
             L=np.einsum("nij,nj->ni", state.rotation, body_omega @ self.stone.inertia.T),

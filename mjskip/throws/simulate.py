@@ -41,7 +41,7 @@ SURFACES: tuple[Surface, ...] = get_args(Surface)
 STEP_FRACTION = 0.5
 """Largest time step, in times that the stone takes to fly through its own thickness."""
 
-MOST_STEPS = 1e7
+MAX_STEPS = 1e7
 """Every step is kept: ten million fill some gigabytes."""
 
 CHUNK = 200
@@ -211,10 +211,10 @@ def _check_options(
     frozen_attitude: bool, waves: bool,
 ) -> None:  # fmt: skip
     """Refuse what cannot be done together."""
-    if limits.duration / timestep > MOST_STEPS:
+    if limits.duration / timestep > MAX_STEPS:
         raise ValueError(
             f"duration {limits.duration:g} s at {timestep:g} s a step makes {limits.duration / timestep:.3g} "
-            f"steps: at most {MOST_STEPS:g} are allowed; shorten the duration or lengthen the step"
+            f"steps: at most {MAX_STEPS:g} are allowed; shorten the duration or lengthen the step"
         )
     if waves and scene.plugged:
         raise ValueError(
@@ -283,12 +283,12 @@ def _walls(field: HeightField) -> tuple[float, float, float, float] | None:
 def _thrown(scene: Scene, name: str, trajectory: Trajectory) -> Throw:
     """The throw that an arm made, as it was when the stone was let go."""
     model, body = scene.model, find_body(scene.model, name)
-    let_go = max(
+    release = max(
         when
         for grip, when in scene.arm.release_times.items()
         if body in (model.equality(grip).obj1id[0], model.equality(grip).obj2id[0])
     )
-    k = min(int(np.searchsorted(trajectory.time, let_go)), len(trajectory.time) - 1)
+    k = min(int(np.searchsorted(trajectory.time, release)), len(trajectory.time) - 1)
     velocity, omega = trajectory.velocity[k], trajectory.omega[k]
     normal = matrices(trajectory.q[k]) @ scene.stones[name].disc_normal
     attack, bank, spin = angles(normal, velocity, omega)

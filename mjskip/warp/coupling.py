@@ -123,7 +123,7 @@ class WarpWater:
     _before: Callable[[Any, Any], None] | None = field(default=None, repr=False)
     _laws: Any = field(default=None, repr=False)
     _segments: Any = field(default=None, repr=False)
-    _most_edges: int = field(default=0, repr=False)
+    _max_edges: int = field(default=0, repr=False)
 
     def __call__(self, m: Any, d: Any) -> None:
         """Add the water's forces to `d.qfrc_passive`."""
@@ -161,7 +161,7 @@ class WarpWater:
         """Loads of laws that are integrated over faces."""
         shape = (d.nworld, self._laws.shape[0])
         if self._segments is None or self._segments.shape[0] != d.nworld:
-            room = (*shape, max(2 * self._most_edges, 1))
+            room = (*shape, max(2 * self._max_edges, 1))
             self._segments = wp.zeros(room, dtype=wp.vec4, device=self._device)
             self._crossings = wp.zeros(room, dtype=wp.vec3, device=self._device)
         wp.launch(
@@ -216,7 +216,7 @@ class WarpWater:
                     outline = face[OUTLINE:].reshape(-1, 6)
                     planes.append(_plane_face(face, sum(map(len, edges)), len(outline)))
                     edges.append(outline)
-                    self._most_edges = max(self._most_edges, len(outline))
+                    self._max_edges = max(self._max_edges, len(outline))
             laws.append(law)
         if not laws:
             return
