@@ -1,8 +1,6 @@
 """Sweeps of models in which nothing is thrown: what floats, robots, whatever has a sensor.
 
-    from mjskip.sweeps.models import sweep_model
-
-    data = sweep_model("boat", {"sea_period": [1.5, 2, 3], "sea_height": [0.1]}, results=["pitch", "heave"])
+    data = mjskip.sweep_model("boat", {"sea_period": [1.5, 2, 3], "sea_height": [0.1]}, results=["pitch", "heave"])
 
 Every point of the grid is a run of the model from its start, with some parameters changed; the results are taken over
 its last part.
