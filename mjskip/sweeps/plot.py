@@ -52,6 +52,7 @@ def plot_sweep(
     if result not in numbers:
         raise ValueError(f"no result {result!r}: choose from {', '.join(numbers)}")
     check_picture(path)
+    data = data.assign({result: (data[result].dims, _shown(data[result]), data[result].attrs)})
     from matplotlib.figure import Figure
 
     wide = [str(d) for d in data.dims if data.sizes[d] > 1 and d != MEMBER]
