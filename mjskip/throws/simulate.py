@@ -21,6 +21,7 @@ from mjskip.errors import MjskipWarning
 from mjskip.hydro.stone import Stone
 from mjskip.rigid.attitude import angles, matrices
 from mjskip.throws.engines import MujocoEngine, ReferenceEngine, release_states
+from mjskip.throws.model_recording import ModelRecorder
 from mjskip.throws.recording import Limits, Recorder
 from mjskip.throws.reference import integrate
 from mjskip.throws.run import Run
@@ -144,7 +145,13 @@ def simulate_all(
     }
     warm_up()
     begun = time.perf_counter()
+    model_log = None
     with machine:
+        if isinstance(machine, MujocoEngine) and machine.jointed:
+            model_log = ModelRecorder(
+                machine.data, timestep=timestep, frames=record, surface=machine.surface(), middle=_middle(scene)
+            )  # fmt: skip
+            machine.observe = model_log.step
         run = Run(
             scene, machine, timestep, field=field, feel=surface == "waves", load_radius=load_radius,
             recorder=recorder,
@@ -173,10 +180,14 @@ def simulate_all(
         )
         if surface == "waves":
             trajectory.attributes["load_radius"] = load_radius
-    if recorder is not None:
-        recording = recorder.recording
-        trajectories = {n: replace(t, surface=recording) for n, t in trajectories.items()}
-    return trajectories
+    recording = recorder.recording if recorder is not None else None
+    qpos = None
+    if model_log is not None:
+        recording, qpos = model_log.recording or recording, np.array(model_log.qpos)
+    return {
+        name: replace(one, surface=recording, qpos=None if qpos is None else qpos[: len(one.time)])
+        for name, one in trajectories.items()
+    }
 
 
 def _follow(run: Run, logs: Mapping[str, Recorder], timestep: float) -> None:
@@ -270,6 +281,12 @@ def _check_field(scene: Scene, field: HeightField, timestep: float, engine: Engi
             MjskipWarning,
             stacklevel=3,
         )
+
+
+def _middle(scene: Scene) -> tuple[float, float]:
+    """Where the chosen body begins (x, y) [m]."""
+    x, y, _ = scene.model.body_pos[find_body(scene.model, scene.body)].tolist()
+    return x, y
 
 
 def _walls(field: HeightField) -> tuple[float, float, float, float] | None:
