@@ -48,7 +48,7 @@ class ThrowStoneTask(Task):
     """
 
     frame_skip_default = 40
-    has_stone = True
+    has = frozenset({"stone"})
     whole_run = True
     camera = "stone"
 

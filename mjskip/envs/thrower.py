@@ -36,7 +36,7 @@ class ThrowerTask(Task):
     """
 
     frame_skip_default = 10
-    has_stone = True
+    has = frozenset({"stone"})
     camera = "stone"
 
     def spec(self) -> mujoco.MjSpec:

@@ -98,6 +98,17 @@ def triangles_of(block: Array) -> Array:
     return columns.reshape(layout.AREA, -1).T[: int(block[layout.N_FACES])].reshape(-1, 3, 3)
 
 
+def planes_of(block: Array) -> list[Array]:
+    """The plane faces of a block of a law that acts `forward`: normal (3), distance from the centre, number of edges
+    and the ends (6) of every edge of the outline, of each."""
+    found, at = [], int(block[layout.PLANES])
+    for _ in range(int(block[layout.N_PLANES])):
+        size = layout.OUTLINE + layout.EDGE * int(block[at + layout.EDGES])
+        found.append(block[at : at + size])
+        at += size
+    return found
+
+
 def _by_place(centroids: Array) -> npt.NDArray[np.intp]:
     """An order (n,) in which the faces of a group lie near each other: halved across the longest side."""
     done: list[npt.NDArray[np.intp]] = []

@@ -11,6 +11,7 @@ drift with the water sees. Above z = 0 the values of z = 0 hold.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
@@ -42,6 +43,44 @@ TEXT_KEYS = {
     "depth": "of the water [m]",
 }
 """What `Sea.from_text` understands."""
+SEA_UNITS = {
+    "height": "m", "period": "s", "hs": "m", "tp": "s", "gamma": "1", "direction": "rad", "spreading": "1",
+    "seed": "1", "components": "1", "current": "m s-1", "current_direction": "rad", "depth": "m",
+}  # fmt: skip
+"""SI units of the same keys, where seas are given as numbers: see `sea_text`."""
+REGULAR = {"height", "period"}
+IRREGULAR = {"hs", "tp", "gamma", "spreading", "seed", "components"}
+
+
+def sea_text(changes: Mapping[str, float], before: str = "") -> str:
+    """The text of a sea for `Sea.from_text`, with changes in SI units and radians.
+
+    Args:
+        changes: values by key of `SEA_UNITS`; one kind of waves takes the place of the other.
+        before: the text that is changed.
+    """
+    given = dict(word.partition("=")[::2] for word in before.replace(",", " ").split())
+    for own, other in ((REGULAR, IRREGULAR), (IRREGULAR, REGULAR)):
+        if own & changes.keys():
+            given = {key: value for key, value in given.items() if key not in other}
+    for key, value in changes.items():
+        shown = math.degrees(value) if SEA_UNITS[key] == "rad" else value
+        given[key] = f"{shown:.0f}" if key in ("seed", "components") else repr(float(shown))
+    return " ".join(f"{key}={value}" for key, value in given.items())
+
+
+def sea_numbers(text: str) -> dict[str, float]:
+    """The keys of a text of a sea, in SI units and radians.
+
+    Raises:
+        ValueError: it is no sea.
+    """
+    Sea.from_text(text)
+    given = dict(word.partition("=")[::2] for word in text.replace(",", " ").split())
+    return {
+        key: math.radians(float(value)) if SEA_UNITS[key] == "rad" else float(value)
+        for key, value in given.items()
+    }
 
 
 def spectrum(omega: npt.ArrayLike, *, hs: float, tp: float, gamma: float = GAMMA) -> Array:

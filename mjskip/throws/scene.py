@@ -184,7 +184,7 @@ def load_scene(
             setting that is unknown or out of range.
         MeshError: a stone's mesh is not closed.
     """
-    file = _find(path)
+    file = find_scene(path)
     if body is not None:
         check_type("body", body, str, "give the name of a free body")
     model = load_model(file, sea=sea)
@@ -243,7 +243,22 @@ def _with_prefix(settings: Mapping[str, Any], prefix: str) -> dict[str, Any]:
     return {k.removeprefix(prefix): v for k, v in settings.items() if k.startswith(prefix)}
 
 
-def _find(path: PathLike) -> Path:
+def is_afloat(path: PathLike) -> bool:
+    """Whether nothing is thrown in a scene, by what its file says; False if it does not compile."""
+    try:
+        model = load_model(find_scene(path))
+    except SceneError:
+        return False
+    settings = (model.numeric(k) for k in range(model.nnumeric))
+    return any(one.name == PREFIX + AFLOAT and one.data[0] == 1.0 for one in settings)
+
+
+def find_scene(path: PathLike) -> Path:
+    """The file of a scene, or of a shipped one by its name.
+
+    Raises:
+        SceneError: there is none.
+    """
     file = check_path("scene", path)
     if file.is_file():
         return file
