@@ -9,7 +9,7 @@ import pytest
 from flights import SMALL, small
 
 from mjskip.draw import render
-from mjskip.draw.forces import BUOYANCY, ARROW_LENGTH, WATER, add_loads, draw_loads, loads_at
+from mjskip.draw.forces import ARROW_LENGTH, BUOYANCY, WATER, add_loads, draw_loads, loads_at
 from mjskip.throws.simulate import simulate_all
 
 
@@ -31,7 +31,9 @@ def test_the_longest_arrow_is_that_of_the_greatest_force_and_points_along_it(thr
     assert colour == WATER
     assert np.linalg.norm(tip - start) == pytest.approx(ARROW_LENGTH, rel=1e-9)
     force = throw.force[np.argmax(np.linalg.norm(throw.force, axis=1))]
-    np.testing.assert_allclose((tip - start) / ARROW_LENGTH, force / np.linalg.norm(force), atol=1e-9)
+    np.testing.assert_allclose(
+        (tip - start) / ARROW_LENGTH, force / np.linalg.norm(force), atol=1e-9
+    )
 
 
 def test_faces_are_wetted_below_the_surface_only_and_their_area_is_the_recorded_one(throw, touch):
