@@ -150,6 +150,13 @@ class Coupling:
             return np.zeros(len(np.atleast_2d(check_array("points", points))))
         return self.surface.elevation(self.surface.state_of(data), points)
 
+    def grid_elevation(self, data: mujoco.MjData, x: Array, y: Array) -> Array:
+        """The same at the points of a grid with axes x (nx,) and y (ny,) [m], quickly: (nx, ny) [m]."""
+        self._check_data(data)
+        if self.surface is None:
+            return np.zeros((len(x), len(y)))
+        return self.surface.grid_elevation(self.surface.state_of(data), x, y)
+
     def __repr__(self) -> str:
         names = [body_name(self.model, body) for body in self.bodies]
         shown = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")

@@ -23,7 +23,7 @@ from mjskip.hydro.water import Water
 from mjskip.rigid.attitude import matrices, quaternions
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class ModelFlotation(Flotation):
     """A free tree of a model at rest in still water, its joints as they are.
 

@@ -155,6 +155,12 @@ def plugin_water(model: mujoco.MjModel, body: int) -> Water | None:
     return None if settings is None else settings.water
 
 
+def plugin_instances(model: mujoco.MjModel) -> list[int]:
+    """Numbers of this plugin's instances in a compiled model."""
+    slot = _slot()
+    return [n for n in range(model.nplugin) if slot >= 0 and model.plugin[n] == slot]
+
+
 def instance_options(model: mujoco.MjModel, instance: int) -> tuple[MovingWater, Water, float]:
     """The surface and the fluid of an instance of a compiled model, and its gravity downwards [m/s^2]."""
     settings = _configured(_layout.ModelView(model._address), instance)

@@ -15,7 +15,14 @@ from mjskip._typing import Array
 from mjskip.checks import check_names, check_number, check_positive, check_switch, check_type, fault
 from mjskip.coupling import _moving_kernels as moving
 from mjskip.coupling.moving_water import MovingWater, SurfaceKind
-from mjskip.coupling.plugin import NAME, instance_options, register_plugin
+from mjskip.coupling.plugin import (
+    NAME,
+    instance_options,
+    plugin_instances,
+    plugin_surface,
+    register_plugin,
+)
+from mjskip.coupling.sea import SeaSurface, plugin_state
 from mjskip.errors import SceneError
 from mjskip.hydro.seas import Sea
 from mjskip.hydro.water import Water
@@ -213,3 +220,44 @@ class WaterSurface:
         self._potential += push
         window.apply_operator(self._water, self._potential.copy(), self.rate)
         self._state[window.STATE + 3 * self._cells**2 + moving.DISTURBED] = 1.0
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        """Middle of the square, which moves with the bodies [m]."""
+        x, y = self.origin
+        half = 0.5 * (self._cells - 1) * self.spacing
+        return x + half, y + half
+
+
+class PluginSea:
+    """The sea of an instance of the plugin about bodies that radiate, in any data of its model.
+
+    Attributes:
+        surface: as it was prepared.
+    """
+
+    def __init__(self, model: mujoco.MjModel, instance: int) -> None:
+        """Of an instance that has the key radiation."""
+        self.surface: SeaSurface = plugin_surface(model, instance)
+        self._model, self._instance = model, instance
+
+    def elevation(self, data: mujoco.MjData, points: npt.ArrayLike) -> Array:
+        """Height of the surface at points (n, 2) [m]: the sea, and the waves that bodies make."""
+        return self.surface.elevation(plugin_state(self._model, data, self._instance), points)
+
+    def grid_elevation(self, data: mujoco.MjData, x: Array, y: Array) -> Array:
+        """The same at the points of a grid with axes x (nx,) and y (ny,) [m], quickly: (nx, ny) [m]."""
+        state = plugin_state(self._model, data, self._instance)
+        return self.surface.grid_elevation(state, x, y)
+
+
+def model_surface(model: mujoco.MjModel, data: mujoco.MjData) -> WaterSurface | PluginSea | None:
+    """The moving water that a model brings by the plugin, of the first instance that has any; None if it is still."""
+    for index in plugin_instances(model):
+        options, water, _ = instance_options(model, index)
+        if water.radiation:
+            return PluginSea(model, index)
+        if options.moves:
+            name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_PLUGIN, index)
+            return WaterSurface(model, data, instance=name or "")
+    return None

@@ -60,9 +60,9 @@ class Shot:
         slow: how many times slower than it was; 1 is its own speed.
         look: "shaded", or "plain" which is quicker.
         linger: how long the film goes on with the rings after the throw is over [s of film].
-        trail: whether the stone's path fades behind it.
-        marks: whether a ring stays where it touched.
-        caption: whether speed, spin and skips are written into the corner.
+        trail: whether the stone's path fades behind it; not of what floats.
+        marks: whether a ring stays where it touched; not of what floats.
+        caption: whether speed, spin and skips, or of what floats time, trim and heel, are written into the corner.
         spray: whether drops fly; drawn only, see `mjskip.draw.spray`.
         forces: whether arrows of the forces, wetted faces and centres of buoyancy are drawn over it.
 
@@ -129,9 +129,9 @@ def render_video(
         slow: how many times slower than it was; 1 is its own speed.
         look: "shaded", or "plain" which is quicker.
         linger: how long the film goes on with the rings after the throw is over [s of film].
-        trail: whether the stone's path fades behind it.
-        marks: whether a ring stays where it touched.
-        caption: whether speed, spin and skips are written into the corner.
+        trail: whether the stone's path fades behind it; not of what floats.
+        marks: whether a ring stays where it touched; not of what floats.
+        caption: whether speed, spin and skips, or of what floats time, trim and heel, are written into the corner.
         spray: whether drops fly; drawn only, see `mjskip.draw.spray`.
         forces: whether arrows of the forces, wetted faces and centres of buoyancy are drawn over it.
         progress: called with the frames done and to do.
@@ -246,6 +246,7 @@ def _play(
     overlays = [
         Overlay(flight, trail=plan.trail, marks=plan.marks, number=number)
         for number, flight in enumerate(flights.values())
+        if not flight.attributes.get("afloat")
     ]
     with contextlib.closing(stage):
         for time, centre in zip(times.tolist(), centres, strict=True):

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from mjskip._typing import Array, Flags, SingleArray
 from mjskip.checks import check_count, check_switch, check_type
+from mjskip.coupling.water_surface import PluginSea, WaterSurface, model_surface
 from mjskip.draw import tiles
 from mjskip.draw.appearance import WaterAppearance
 from mjskip.draw.geoms import (
@@ -81,7 +82,8 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
             max_geom: as `mujoco.Renderer`'s.
             font_scale: as `mujoco.Renderer`'s.
             water: a coupling of bodies and water, a `HeightField`, a recording of a surface, an
-                array (nx, ny) of heights [m], or None for still water at z = 0.
+                array (nx, ny) of heights [m], or None for the moving water that the model brings by the
+                plugin, or else still water at z = 0.
             spacing: side of a cell of an array [m].
             centre: of an array (x, y) [m].
             appearance: of the water.
@@ -110,6 +112,7 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         self._surroundings: Surroundings | None = None
         self._time = 0.0
         self._data: Any = None
+        self._brought: WaterSurface | PluginSea | None = None
         self._patch((0.0, 0.0))
         if not shaders_work():
             raise RenderError(
@@ -143,6 +146,8 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
     ) -> None:
         """Gather what a camera sees, as `mujoco.Renderer.update_scene`."""
         super().update_scene(data, camera, scene_option)
+        if self._data is not data:
+            self._brought = model_surface(self._model, data)
         self._usual = scene_option is None
         self._time, self._data = float(data.time), data
         self._bodies = self._ellipsoids.rows(data)
@@ -261,7 +266,7 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
     def _patch(self, focus: tuple[float, float]) -> Patch:
         """What is drawn of the water now."""
         return patch_of(
-            self.water, focus=focus, time=self._time, spacing=self._spacing, centre=self._centre,
+            self._brought if self.water is None else self.water, focus=focus, time=self._time, spacing=self._spacing, centre=self._centre,
             data=self._data,
         )  # fmt: skip
 

@@ -315,6 +315,14 @@ class Sea:
         """
         return np.asarray(self._swings(_points(points, 2), time).real.sum(axis=1))
 
+    def grid_elevation(self, x: Array, y: Array, time: float) -> Array:
+        """Height of the surface at the points of a grid with axes x (nx,) and y (ny,) [m] at a time [s]: (nx, ny) [m]."""
+        kx, ky = self.wavenumber * np.cos(self.direction), self.wavenumber * np.sin(self.direction)
+        east, north = x - self.current[0] * time, y - self.current[1] * time
+        swing = self.amplitude * np.exp(1j * (self.phase - self.omega * time))
+        along, across = np.exp(1j * np.outer(east, kx)), np.exp(1j * np.outer(ky, north))
+        return np.asarray(((along * swing) @ across).real)
+
     def velocity(self, points: npt.ArrayLike, time: float) -> Array:
         """Velocity of the water, current included (m, 3) [m/s].
 

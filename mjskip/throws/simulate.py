@@ -21,6 +21,7 @@ from mjskip.errors import MjskipWarning
 from mjskip.hydro.stone import Stone
 from mjskip.rigid.attitude import angles, matrices
 from mjskip.throws.engines import MujocoEngine, ReferenceEngine, release_states
+from mjskip.throws.model_recording import ModelRecorder
 from mjskip.throws.recording import Limits, Recorder
 from mjskip.throws.reference import integrate
 from mjskip.throws.run import Run
@@ -148,7 +149,13 @@ def simulate_all(
     }
     warm_up()
     begun = time.perf_counter()
+    model_log = None
     with machine:
+        if isinstance(machine, MujocoEngine) and machine.jointed:
+            model_log = ModelRecorder(
+                machine.data, timestep=timestep, frames=record, surface=machine.surface(), middle=_middle(scene)
+            )  # fmt: skip
+            machine.observe = model_log.step
         run = Run(
             scene, machine, timestep, field=field, feel=waves, load_radius=load_radius, recorder=recorder
         )  # fmt: skip
@@ -165,10 +172,14 @@ def simulate_all(
     }  # fmt: skip
     for name, trajectory in trajectories.items():
         trajectory.attributes.update(_provenance(scene, name), **common)
-    if recorder is not None:
-        recording = recorder.recording
-        trajectories = {n: replace(t, surface=recording) for n, t in trajectories.items()}
-    return trajectories
+    recording = recorder.recording if recorder is not None else None
+    qpos = None
+    if model_log is not None:
+        recording, qpos = model_log.recording or recording, np.array(model_log.qpos)
+    return {
+        name: replace(one, surface=recording, qpos=None if qpos is None else qpos[: len(one.time)])
+        for name, one in trajectories.items()
+    }
 
 
 def _provenance(scene: Scene, name: str) -> dict[str, Any]:
@@ -271,6 +282,12 @@ def _check_field(scene: Scene, field: HeightField, timestep: float, engine: Engi
             MjskipWarning,
             stacklevel=3,
         )
+
+
+def _middle(scene: Scene) -> tuple[float, float]:
+    """Where the chosen body begins (x, y) [m]."""
+    x, y, _ = scene.model.body_pos[find_body(scene.model, scene.body)].tolist()
+    return x, y
 
 
 def _walls(field: HeightField) -> tuple[float, float, float, float] | None:

@@ -126,6 +126,8 @@ class Trajectory:
         end: why it ended, one of `ENDS`.
         mass: [kg].
         attributes: provenance: scene, body, engine, integrator, timestep, throw, water, version.
+        qpos: MuJoCo's coordinates (n, nq) of a model that has more joints than those of its free bodies, or of
+            what floats; None otherwise; not in files.
         surface: the water as the run had it, shared by all of its stones, if it was recorded; not in files.
     """
 
@@ -148,6 +150,7 @@ class Trajectory:
     end: str
     mass: float
     attributes: dict[str, Any] = field(default_factory=dict)
+    qpos: Array | None = field(default=None, compare=False, repr=False)
     surface: SurfaceRecording | None = field(default=None, compare=False, repr=False)
 
     def __repr__(self) -> str:

@@ -436,7 +436,6 @@ class HeightField(CellBlocks):
             MjskipError: the tiles that move no longer fit into memory.
         """
         if not (isinstance(timestep, float) and is_ordinary_step(timestep, self.max_timestep)):
-            timestep = check_number("timestep", timestep, unit="s")
             checked_step(timestep, self.max_timestep, self.paper_max_timestep)
         self.grid.step(timestep, self._loads)
         self.time += timestep
@@ -507,7 +506,8 @@ class HeightField(CellBlocks):
             MjskipError: the file is not there or is no water surface.
         """
         with reading(path, what="a water surface", writer="HeightField.save"):
-            with np.load(path, allow_pickle=False) as archive:
+            # opened here: np.load leaves a file open that is no archive
+            with open(path, "rb") as file, np.load(file, allow_pickle=False) as archive:
                 stored = {name: archive[name] for name in archive.files}
             numbers: dict[str, Any] = {
                 name: float(stored[name])
