@@ -203,7 +203,14 @@ class WaterEnv(gymnasium.Env[Array, SingleArray]):
         return self._episodes.observations()[0], self._info()
 
     def step(self, action: SingleArray) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """One action: observation, reward, terminated, False, info."""
+        """Do one action.
+
+        Args:
+            action: (n,), each from -1 to 1; what they mean says the task.
+
+        Returns:
+            Observation (m,) in SI units, reward, terminated, False, info.
+        """
         if not self._begun:
             raise gymnasium.error.ResetNeeded("call reset() before step()")
         episodes = self._episodes
@@ -217,7 +224,7 @@ class WaterEnv(gymnasium.Env[Array, SingleArray]):
         )
 
     def render(self) -> Image | list[Image] | None:  # type: ignore[override]
-        """The picture (height, width, 3) for "rgb_array"; "human" has its window.
+        """The picture (height, width, 3), colours from 0 to 255, for "rgb_array"; "human" has its window.
 
         For "rgb_array_list", where one action is a whole run: the pictures since the last call.
         """
@@ -302,7 +309,18 @@ class WaterVectorEnv(VectorEnv[Any, Any, Any]):
         seed: int | list[int | None] | None = None,
         options: dict[str, Any] | None = None,
     ) -> tuple[Array, dict[str, Any]]:
-        """Begin an episode in every row; row i has the seed of an int plus i. Options as for one environment."""
+        """Begin an episode in every row.
+
+        Args:
+            seed: of everything that is drawn: one for each row, or a number that row i adds i to.
+            options: as for one environment, see `WaterEnv.reset`.
+
+        Returns:
+            Observations (num_envs, m) in SI units, and info.
+
+        Raises:
+            ValueError: an option is unknown or not allowed, or there are too few seeds.
+        """
         if seed is None or isinstance(seed, int | np.integer):
             seeds = [None if seed is None else int(seed) + i for i in range(self.num_envs)]
         else:
@@ -321,7 +339,14 @@ class WaterVectorEnv(VectorEnv[Any, Any, Any]):
         return self._episodes.observations(), self._info(self._all)
 
     def step(self, actions: Any) -> tuple[Array, Array, Flags, Flags, dict[str, Any]]:
-        """One action for every row that goes on; the others begin anew."""
+        """One action for every row that goes on; the others begin anew.
+
+        Args:
+            actions: (num_envs, n), each from -1 to 1; what they mean says the task.
+
+        Returns:
+            Observations (num_envs, m) in SI units; rewards, terminated and truncated (num_envs,); info.
+        """
         if not self._rngs:
             raise gymnasium.error.ResetNeeded("call reset() before step()")
         episodes, finished = self._episodes, self._finished
@@ -346,14 +371,18 @@ class WaterVectorEnv(VectorEnv[Any, Any, Any]):
         return episodes.observations(), episodes.reward.copy(), over, cut, info
 
     def render(self) -> tuple[Image, ...] | None:
-        """A picture of every row."""
+        """A picture (height, width, 3) of every row, colours from 0 to 255; None without a render_mode."""
         if self.render_mode is None:
             return None
         simulation = self._episodes.simulation
         return tuple(self._view.picture(*simulation.data(row)) for row in range(self.num_envs))
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Free what draws."""
+        """Free what draws.
+
+        Args:
+            kwargs: Gymnasium's; not used.
+        """
         self._view.close()
 
     def _info(self, rows: Rows) -> dict[str, Any]:
