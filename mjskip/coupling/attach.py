@@ -460,7 +460,7 @@ class Coupling:
         return found if load is None else replace(found, force=load[:3], torque=load[3:])
 
     def state(self, data: mujoco.MjData, k: int) -> Array:
-        """State (1, 18) of a wet body, for the force kernel.
+        """State (1, 18) of a wet body, for the force kernel: SI units, see `mjskip.rigid.state`.
 
         Args:
             data: of the attached model.

@@ -133,20 +133,40 @@ def _nothing() -> None:
 class WaterEnv(gymnasium.Env[Array, SingleArray]):
     """One simulation of a task."""
 
+    task_type: type[Task]
+    """What is done."""
+
     metadata = {"render_modes": list(RENDER_MODES), "render_fps": 50}  # noqa: RUF012  gymnasium's
 
     def __init__(
         self,
-        task: Task,
         *,
-        render_mode: str | None,
-        width: int,
-        height: int,
-        camera: str | int | None,
-        water: Water | Options | None,
+        render_mode: str | None = None,
+        frame_skip: int | None = None,
+        water: Water | Options | None = None,
         stone: Options | None = None,
         sea: Options | str | None = None,
+        width: int = 480,
+        height: int = 360,
+        camera: str | int | None = None,
     ) -> None:
+        """Make the simulation.
+
+        Args:
+            render_mode: "human" (a window), "rgb_array", or "rgb_array_list" where an action is a whole run; None
+                draws nothing.
+            frame_skip: engine steps for one action; the task's if None.
+            water: a `Water`, or fields of it; numbers may be ranges (low, high) to draw from.
+            stone: radius [m], thickness [m] and density [kg/m^3] of the stone, where there is one; ranges too.
+            sea: waves and current where bodies radiate, as a text for `Sea.from_text` or by its keys in SI units and
+                radians; ranges too.
+            width, height: of pictures [pixels].
+            camera: name or id; the task's if None.
+
+        Raises:
+            ValueError: an argument is unknown to this task, or not allowed.
+        """
+        task = self.task_type(frame_skip)
         if render_mode is not None:
             check_choice("render_mode", render_mode, self.metadata["render_modes"])
         self.render_mode = render_mode
@@ -263,6 +283,9 @@ class WaterVectorEnv(VectorEnv[Any, Any, Any]):
     whose episode is over begins a new one at the next step, whose action it ignores ("next step" autoreset).
     """
 
+    task_type: type[Task]
+    """What is done."""
+
     metadata = {  # noqa: RUF012  gymnasium's
         "render_modes": ["rgb_array"],
         "autoreset_mode": AutoresetMode.NEXT_STEP,
@@ -270,19 +293,31 @@ class WaterVectorEnv(VectorEnv[Any, Any, Any]):
 
     def __init__(
         self,
-        task: Task,
         *,
-        num_envs: int,
-        num_threads: int,
-        max_episode_steps: int | None,
-        render_mode: str | None,
-        width: int,
-        height: int,
-        camera: str | int | None,
-        water: Water | Options | None,
+        num_envs: int = 1,
+        num_threads: int = 0,
+        max_episode_steps: int | None = None,
+        render_mode: str | None = None,
+        frame_skip: int | None = None,
+        water: Water | Options | None = None,
         stone: Options | None = None,
         sea: Options | str | None = None,
+        width: int = 480,
+        height: int = 360,
+        camera: str | int | None = None,
     ) -> None:
+        """Make the simulations; arguments that are not named here are those of `WaterEnv`.
+
+        Args:
+            num_envs: rows.
+            num_threads: that share the rows; 0 for as many as there are processors.
+            max_episode_steps: actions after which an episode is cut off; None for no limit.
+            render_mode: "rgb_array"; None draws nothing.
+
+        Raises:
+            ValueError: an argument is unknown to this task, or not allowed.
+        """
+        task = self.task_type(frame_skip)
         if render_mode is not None:
             check_choice("render_mode", render_mode, self.metadata["render_modes"])
         self.render_mode = render_mode

@@ -129,7 +129,11 @@ def wrench(hull: Hull, water: Water | None = None, *, gravity: float = 9.81) -> 
 
 
 def rotation(q: Any) -> Vector:
-    """Matrix (3, 3), body to world, of a quaternion w-x-y-z of any length but zero."""
+    """Matrix (3, 3), body to world, without unit.
+
+    Args:
+        q: quaternion (4,), w-x-y-z, of any length but zero.
+    """
     w, x, y, z = q / jnp.linalg.norm(q)
     return jnp.array(
         [
