@@ -6,7 +6,12 @@ Of a motion exp(-i omega t) the surface is left out exactly: with f = 1 / (g k t
 
 C s is the transform of the upward speed that the sources s make at the surface, D phi the normal speed that
 the waves make at the panels, X^ the transform of the lid's points. Then psi = P s + E phi + phi_I and
-F = -i omega rho sum_j psi_j n_j A_j. Signs and names are Capytaine's: a wave of unit amplitude runs as
+F = -i omega rho sum_j psi_j n_j A_j. What the surface does is of low rank, U core(omega) V* of some tens of
+patterns, so that a frequency costs little (Woodbury): of a condition b
+
+    y = (1 + core V* N U)^-1 core V* N b,  (s, q) = N (b - U y),  N = M^-1 on the hull, 1 on the lid
+
+Signs and names are Capytaine's: a wave of unit amplitude runs as
 exp(i (k.x - omega t)).
 """
 
@@ -34,7 +39,8 @@ Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
 DOFS = ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")
-BLOCK_BYTES = 1.5e8
+RANK_TOLERANCE = 1e-6
+"""Patterns of the surface that are weaker than this share of the strongest are left out."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -114,34 +120,41 @@ def potentials(
     incident = np.empty_like(scattered)
     outward = np.empty((len(omega), radiated.shape[2], radiated.shape[2]))
     terms = _SurfaceTerms.of(influence, modes, lid)
-    step = max(1, int(BLOCK_BYTES / (16.0 * (2 * n + m) * (n + m))))
-    for start in range(0, len(omega), step):
-        some = omega[start : start + step]
-        shares = terms.at(some)
-        for i, w in enumerate(some):
-            system = np.eye(n + m, dtype=complex)
-            system[:n, :n] = influence.velocity
-            system += shares[i, : n + m]
-            k = float(wavenumber(w, depth=influence.depth, gravity=gravity))
-            wave = plane_waves(
-                influence.points,
-                influence.normals,
-                influence.areas,
-                k=k,
-                directions=headings,
-                depth=influence.depth,
-            )
-            sources = np.zeros((n + m, radiated.shape[2] + len(headings)), complex)
-            sources[:n, : radiated.shape[2]] = influence.motions
-            sources[:n, radiated.shape[2] :] = 1j * gravity / w * wave.slope
-            strengths = np.asarray(np.linalg.solve(system, sources), dtype=np.complex128)
-            found = influence.potential @ strengths[:n] + shares[i, n + m :] @ strengths
-            radiated[start + i] = found[:, : radiated.shape[2]]
-            scattered[start + i] = found[:, radiated.shape[2] :]
-            incident[start + i] = -1j * gravity / w * wave.value
-            outward[start + i] = _far_waves(
-                influence, lid, strengths[:, : radiated.shape[2]], float(w), k, gravity, modes.reach
-            )
+    bodies = radiated.shape[2]
+    wavenumbers = wavenumber(omega, depth=influence.depth, gravity=gravity)
+    waves = [
+        plane_waves(
+            influence.points,
+            influence.normals,
+            influence.areas,
+            k=float(k),
+            directions=headings,
+            depth=influence.depth,
+        )
+        for k in wavenumbers
+    ]
+    met = [1j * gravity / w * wave.slope for w, wave in zip(omega, waves, strict=True)]
+    solved = np.linalg.solve(
+        influence.velocity, np.hstack([influence.motions, terms.felt[:n], *met])
+    )
+    alone, pushed = solved[:, :bodies], solved[:, bodies : bodies + terms.rank]
+    met_alone = solved[:, bodies + terms.rank :].reshape(n, len(omega), -1)
+    answer = terms.felt[n + m :] - influence.potential @ pushed
+    on_hull, on_lid = terms.given[:, :n], terms.given[:, n:]
+    back, back_lid = on_hull @ pushed, on_lid @ terms.felt[n : n + m]
+    for i, w in enumerate(omega):
+        core = terms.core(w)
+        first = np.hstack([alone, met_alone[:, i]])
+        y = np.linalg.solve(
+            np.eye(terms.rank) + core @ (back + 1j * w * back_lid), core @ (on_hull @ first)
+        )
+        found = influence.potential @ first + answer @ y
+        radiated[i], scattered[i] = found[:, :bodies], found[:, bodies:]
+        incident[i] = -1j * gravity / w * waves[i].value
+        strengths = np.vstack([first - pushed @ y, -terms.felt[n : n + m] @ y])[:, :bodies]
+        outward[i] = _far_waves(
+            influence, lid, strengths, float(w), float(wavenumbers[i]), gravity, modes.reach
+        )
     return radiated, scattered, incident, outward
 
 
@@ -185,25 +198,26 @@ def _far_waves(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _SurfaceTerms:
-    """What sources and lid do through the surface, ring by ring.
+    """What sources and lid do through the surface, by patterns.
 
     Attributes:
-        felt: of every wave at the panels' flow (n), the lid (m) and the panels' potential (n): (2 n + m, waves).
-        given: to every wave by sources and lid (waves, n + m).
+        felt: U, of every pattern at the panels' flow (n), the lid (m) and the panels' potential (n): (2 n + m, r).
+        given: V*, from sources and lid to patterns (r', n + m); the lid's part is to be multiplied by i omega.
+        rings: what pattern makes what through each ring of waves (rings, r, r').
         modes: the waves.
-        lid_columns: number m of columns that belong to the lid.
     """
 
     felt: Complex
     given: Complex
+    rings: Complex
     modes: SurfaceModes
-    lid_columns: int
 
     @classmethod
     def of(cls, influence: Influence, modes: SurfaceModes, lid: _Lid) -> _SurfaceTerms:
         felt, given = [], []
         for k, weight, count in zip(modes.wavenumbers, modes.weights, modes.angles, strict=True):
             angles = ring_directions(int(count))
+            share = np.sqrt(weight)
             wave = plane_waves(
                 influence.points,
                 influence.normals,
@@ -213,27 +227,38 @@ class _SurfaceTerms:
                 depth=modes.depth,
             )
             inside = np.exp(1j * k * (lid.points @ np.stack([np.cos(angles), np.sin(angles)])))
-            given.append(np.hstack([-modes.gravity * wave.source, (lid.areas[:, None] / inside).T]))
-            felt.append(weight * np.vstack([wave.slope, -lid.rates[:, None] * inside, wave.value]))
-        return cls(
-            felt=np.hstack(felt), given=np.vstack(given), modes=modes, lid_columns=len(lid.areas)
-        )
-
-    def at(self, omega: Array) -> Complex:
-        """felt . f(omega) . given for angular frequencies (w,): (w, 2 n + m, n + m)."""
-        rows, columns = len(self.felt), self.given.shape[1]
-        share = 1.0 / (self.modes.frequencies**2 - omega[:, None] ** 2)
-        out = np.empty((len(omega), rows, columns), complex)
-        first = self.modes.first
-        step = max(1, int(BLOCK_BYTES / (16.0 * len(self.modes.angles) * columns)))
-        for top in range(0, rows, step):
-            block = self.felt[top : top + step]
-            rings = np.stack(
-                [block[:, a:b] @ self.given[a:b] for a, b in itertools.pairwise(first)]
+            given.append(
+                share * np.hstack([-modes.gravity * wave.source, (lid.areas[:, None] / inside).T])
             )
-            out[:, top : top + step] = np.tensordot(share, rings, 1)
-        out[..., columns - self.lid_columns :] *= 1j * omega[:, None, None]
-        return out
+            felt.append(share * np.vstack([wave.slope, -lid.rates[:, None] * inside, wave.value]))
+        wide, tall = np.hstack(felt), np.vstack(given)
+        left, right = _column_basis(wide), _column_basis(tall.conj().T).conj().T
+        across, down = left.conj().T @ wide, tall @ right.conj().T
+        rings = [across[:, a:b] @ down[a:b] for a, b in itertools.pairwise(modes.first)]
+        return cls(felt=left, given=right, rings=np.stack(rings), modes=modes)
+
+    @property
+    def rank(self) -> int:
+        """Number r of patterns."""
+        return self.felt.shape[1]
+
+    def core(self, omega: float) -> Complex:
+        """From given to felt patterns at an angular frequency (r, r')."""
+        share = 1.0 / (self.modes.frequencies**2 - omega**2)
+        return np.asarray(np.tensordot(share, self.rings, 1))
+
+
+def _column_basis(table: Complex) -> Complex:
+    """Orthonormal columns that span those of a table (n, m), by random combinations of them."""
+    random, count = np.random.default_rng(0), 64
+    while True:
+        count = min(count, *table.shape)
+        some = np.linalg.qr(table @ random.standard_normal((table.shape[1], count)))[0]
+        left, strength, _ = np.linalg.svd(some.conj().T @ table, full_matrices=False)
+        weakest = RANK_TOLERANCE * strength[0]
+        if strength[-1] < weakest or count == min(table.shape):
+            return np.asarray(some @ left[:, strength > weakest])
+        count *= 2
 
 
 def coefficients(
