@@ -18,6 +18,9 @@ from mjskip.hydro.hydrostatics import SinksError, float_at_rest
 from mjskip.hydro.panels import WettedHull, wetted_hull
 from mjskip.hydro.response import FloatingBody
 
+PANELS = 320
+"""Panels of a hull for curves over frequency, at least: twice what a simulation has."""
+
 
 def floating_bodies(
     model: mujoco.MjModel, *, density: float = 1000.0, options: HullOptions | None = None
@@ -89,7 +92,7 @@ def _placed(
         c, s = math.cos(yaw), math.sin(yaw)
         turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) @ turn
     height = rest.centre_of_mass
-    own = wetted_hull(triangles @ turn.T + [0.0, 0.0, height], height=height)
+    own = wetted_hull(triangles @ turn.T + [0.0, 0.0, height], height=height, panels=PANELS)
     return FloatingBody(
         name=name,
         hull=WettedHull(

@@ -39,8 +39,10 @@ Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
 DOFS = ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")
-RANK_TOLERANCE = 1e-6
-"""Patterns of the surface that are weaker than this share of the strongest are left out."""
+RANK_TOLERANCE = 1e-4
+"""Share of what the surface does that its patterns may leave out."""
+MOST_WAVES = 2500
+"""Plane waves, at most: bodies of unlike size far apart share them, and the shortest are left out."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -72,10 +74,15 @@ def response_modes(influence: Influence, *, highest: float, gravity: float) -> S
     """Modes that resolve waves of up to the angular frequency `highest` [rad/s] at these hulls."""
     reach = max(float(np.linalg.norm(h.triangles[..., :2], axis=-1).max()) for h in influence.hulls)
     width = min(hull_width(hull) for hull in influence.hulls)
-    cutoff = max(2.0 * highest**2 / gravity, 12.0 / width)
-    return surface_modes(
-        shortest=2.0 * math.pi / cutoff, reach=reach, depth=influence.depth, gravity=gravity
-    )
+    longest = 2.0 * highest**2 / gravity
+    cutoff = max(longest, 12.0 / width)
+    while True:
+        modes = surface_modes(
+            shortest=2.0 * math.pi / cutoff, reach=reach, depth=influence.depth, gravity=gravity
+        )
+        if modes.size <= MOST_WAVES or cutoff <= longest:
+            return modes
+        cutoff = max(0.9 * cutoff, longest)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -240,7 +247,7 @@ class _SurfaceTerms:
     @property
     def rank(self) -> int:
         """Number r of patterns."""
-        return self.felt.shape[1]
+        return int(self.felt.shape[1])
 
     def core(self, omega: float) -> Complex:
         """From given to felt patterns at an angular frequency (r, r')."""
@@ -251,14 +258,19 @@ class _SurfaceTerms:
 def _column_basis(table: Complex) -> Complex:
     """Orthonormal columns that span those of a table (n, m), by random combinations of them."""
     random, count = np.random.default_rng(0), 64
+    tests = table @ random.standard_normal((table.shape[1], 8))
     while True:
-        count = min(count, *table.shape)
+        if count >= min(table.shape):
+            return np.asarray(
+                np.linalg.qr(
+                    table if len(table) > table.shape[1] else np.eye(len(table), dtype=complex)
+                )[0]
+            )
         some = np.linalg.qr(table @ random.standard_normal((table.shape[1], count)))[0]
-        left, strength, _ = np.linalg.svd(some.conj().T @ table, full_matrices=False)
-        weakest = RANK_TOLERANCE * strength[0]
-        if strength[-1] < weakest or count == min(table.shape):
-            return np.asarray(some @ left[:, strength > weakest])
-        count *= 2
+        missed = tests - some @ (some.conj().T @ tests)
+        if np.linalg.norm(missed) < RANK_TOLERANCE * np.linalg.norm(tests):
+            return np.asarray(some)
+        count = 3 * count // 2
 
 
 def coefficients(
@@ -292,10 +304,15 @@ def coefficients(
     frequencies = np.atleast_1d(np.asarray(omega, dtype=np.float64))
     if frequencies.ndim != 1 or not (np.isfinite(frequencies) & (frequencies > 0.0)).all():
         raise ValueError(f"omega is {omega!r}: give finite angular frequencies above 0 [rad/s]")
-    influence = hull_influence(*(body.hull for body in bodies), depth=depth)
+    middle = np.mean([body.hull.centre for body in bodies], axis=0)
+    influence = hull_influence(*(body.hull.moved(-middle) for body in bodies), depth=depth)
     radiated, scattered, incident, outward = potentials(
         influence, frequencies, directions=directions, gravity=gravity
     )
+    k = wavenumber(frequencies, depth=depth, gravity=gravity)
+    towards = np.stack([np.cos(directions), np.sin(directions)])
+    turn = np.exp(1j * k[:, None] * (middle @ towards))[:, None]  # phases are those at the origin
+    scattered, incident = turn * scattered, turn * incident
     reaction = -density * influence.loads @ radiated  # A + i B / omega
     swing = -1j * density * frequencies[:, None, None]
     krylov = (swing * (influence.loads @ incident)).swapaxes(1, 2)
