@@ -8,19 +8,22 @@ from typing import Any
 import gymnasium
 import mujoco
 import numpy as np
-import numpy.typing as npt
 from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
+from numpy.random import default_rng
 
-from mjskip._typing import Array
+from mjskip._typing import Array, Flags, Image, SingleArray
 from mjskip.checks import check_choice, check_count, fault
 from mjskip.envs import _task_kernels as kernels
-from mjskip.envs.simulation import Flags, Many, Rows, Simulation, Single
+from mjskip.envs.simulation import BatchSimulation, Rows, Simulation, SingleSimulation
 from mjskip.envs.task import Task
 from mjskip.envs.variation import Options, Variation, check_options
-from mjskip.envs.view import Image, View
+from mjskip.envs.view import View
 from mjskip.hydro.water import Water
+
+LONGEST = 3600.0
+"""A sea is met at a moment between 0 and this [s]."""
 
 RENDER_MODES = ("human", "rgb_array")
 
@@ -35,13 +38,16 @@ class Episodes:
         *,
         water: Water | Options | None,
         stone: Options | None,
+        sea: Options | str | None = None,
         threads: int | None = None,
     ) -> None:
         self.task = task
-        self._default = Variation(water, stone, has_stone=task.has_stone)
+        self._default = Variation(water, stone, sea, has=task.has)
         self.variation = self._default
+        # of a batch, whose states have one size for good
+        model = task.model if sea is None else task.compile(self._default.draw(default_rng(0)))
         self.simulation: Simulation = (
-            Single(task.model) if threads is None else Many(task.model, count, threads)
+            SingleSimulation(model) if threads is None else BatchSimulation(model, count, threads)
         )
         task.allocate(count)
         self.info = task.info()
@@ -55,10 +61,11 @@ class Episodes:
 
     def vary(self, options: Options | None) -> None:
         """Take the options of a reset; without any, those the environment was made with."""
-        allowed = {"water", "stone"} if self.task.has_stone else {"water"}
-        options = check_options(options, allowed)
+        options = check_options(options, {"water", *self.task.has})
         self.variation = (
-            Variation(options.get("water"), options.get("stone"), has_stone=self.task.has_stone)
+            Variation(
+                options.get("water"), options.get("stone"), options.get("sea"), has=self.task.has
+            )
             if options
             else self._default
         )
@@ -66,8 +73,11 @@ class Episodes:
     def begin(self, rows: Rows, rngs: list[np.random.Generator]) -> None:
         """Begin an episode in these rows; rngs are of all rows."""
         simulation, task = self.simulation, self.task
-        models = [task.compile(self.variation.draw(rngs[row])) for row in rows]
-        simulation.begin(rows, models)
+        choices = [self.variation.draw(rngs[row]) for row in rows]
+        simulation.begin(rows, [task.compile(choice) for choice in choices])
+        for row, choice in zip(rows, choices, strict=True):
+            if choice.sea:  # which has no beginning
+                simulation.set_time(int(row), float(rngs[row].uniform(0.0, LONGEST)))
         for row in rows:
             task.begin(simulation, int(row), rngs[row])
         simulation.forward(rows)
@@ -120,7 +130,7 @@ def _nothing() -> None:
     """Called after a block that nobody watches."""
 
 
-class WaterEnv(gymnasium.Env[Array, npt.NDArray[np.float32]]):
+class WaterEnv(gymnasium.Env[Array, SingleArray]):
     """One simulation of a task."""
 
     metadata = {"render_modes": list(RENDER_MODES), "render_fps": 50}  # noqa: RUF012  gymnasium's
@@ -135,13 +145,14 @@ class WaterEnv(gymnasium.Env[Array, npt.NDArray[np.float32]]):
         camera: str | int | None,
         water: Water | Options | None,
         stone: Options | None = None,
+        sea: Options | str | None = None,
     ) -> None:
         if render_mode is not None:
             check_choice("render_mode", render_mode, self.metadata["render_modes"])
         self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": max(1, round(1.0 / task.interval))}
         self.action_space, self.observation_space = task.action_space, task.observation_space
-        self._episodes = Episodes(task, 1, water=water, stone=stone)
+        self._episodes = Episodes(task, 1, water=water, stone=stone, sea=sea)
         self._view = View(width, height, task.camera if camera is None else camera)
         self._row = np.arange(1)
         self._shape = task.action_space.shape
@@ -176,8 +187,9 @@ class WaterEnv(gymnasium.Env[Array, npt.NDArray[np.float32]]):
         Args:
             seed: of everything that is drawn.
             options: "water" (a `Water`, or fields of it) and, where there is one, "stone" (radius [m],
-                thickness [m], density [kg/m^3]); numbers may be ranges (low, high). They hold for this
-                episode; without options those hold that the environment was made with.
+                thickness [m], density [kg/m^3]) or "sea" (hs [m], tp [s], direction [rad] and so on, or a text for
+                `Sea.from_text`); numbers may be ranges (low, high). They hold for this episode; without options
+                those hold that the environment was made with.
 
         Raises:
             ValueError: an option is unknown or not allowed.
@@ -190,9 +202,7 @@ class WaterEnv(gymnasium.Env[Array, npt.NDArray[np.float32]]):
         self._after_block()
         return self._episodes.observations()[0], self._info()
 
-    def step(
-        self, action: npt.NDArray[np.float32]
-    ) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+    def step(self, action: SingleArray) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """One action: observation, reward, terminated, False, info."""
         if not self._begun:
             raise gymnasium.error.ResetNeeded("call reset() before step()")
@@ -264,6 +274,7 @@ class WaterVectorEnv(VectorEnv[Any, Any, Any]):
         camera: str | int | None,
         water: Water | Options | None,
         stone: Options | None = None,
+        sea: Options | str | None = None,
     ) -> None:
         if render_mode is not None:
             check_choice("render_mode", render_mode, self.metadata["render_modes"])
@@ -275,7 +286,9 @@ class WaterVectorEnv(VectorEnv[Any, Any, Any]):
         self.single_observation_space = task.observation_space
         self.action_space = batch_space(task.action_space, num_envs)
         self.observation_space = batch_space(task.observation_space, num_envs)
-        self._episodes = Episodes(task, num_envs, water=water, stone=stone, threads=threads)
+        self._episodes = Episodes(
+            task, num_envs, water=water, stone=stone, sea=sea, threads=threads
+        )
         self._view = View(width, height, task.camera if camera is None else camera)
         self._all = np.arange(num_envs)
         self._rngs: list[np.random.Generator] = []

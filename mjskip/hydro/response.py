@@ -26,6 +26,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray
 
+from mjskip._typing import Array, Complex
 from mjskip.hydro._coupling_tables import plane_waves
 from mjskip.hydro.panels import Influence, WettedHull, hull_influence, hull_width, lid_rate
 from mjskip.hydro.surface_modes import (
@@ -35,13 +36,10 @@ from mjskip.hydro.surface_modes import (
     wavenumber,
 )
 
-Array = npt.NDArray[np.float64]
-Complex = npt.NDArray[np.complex128]
-
 DOFS = ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")
 RANK_TOLERANCE = 1e-4
 """Share of what the surface does that its patterns may leave out."""
-MOST_WAVES = 2500
+MAX_WAVES = 2500
 """Plane waves, at most: bodies of unlike size far apart share them, and the shortest are left out."""
 
 
@@ -80,7 +78,7 @@ def response_modes(influence: Influence, *, highest: float, gravity: float) -> S
         modes = surface_modes(
             shortest=2.0 * math.pi / cutoff, reach=reach, depth=influence.depth, gravity=gravity
         )
-        if modes.size <= MOST_WAVES or cutoff <= longest:
+        if modes.size <= MAX_WAVES or cutoff <= longest:
             return modes
         cutoff = max(0.9 * cutoff, longest)
 
@@ -142,13 +140,13 @@ def potentials(
     ]
     met = [1j * gravity / w * wave.slope for w, wave in zip(omega, waves, strict=True)]
     solved = np.linalg.solve(
-        influence.velocity, np.hstack([influence.motions, terms.felt[:n], *met])
+        influence.velocity, np.hstack([influence.motions, terms.received[:n], *met])
     )
     alone, pushed = solved[:, :bodies], solved[:, bodies : bodies + terms.rank]
     met_alone = solved[:, bodies + terms.rank :].reshape(n, len(omega), -1)
-    answer = terms.felt[n + m :] - influence.potential @ pushed
-    on_hull, on_lid = terms.given[:, :n], terms.given[:, n:]
-    back, back_lid = on_hull @ pushed, on_lid @ terms.felt[n : n + m]
+    answer = terms.received[n + m :] - influence.potential @ pushed
+    on_hull, on_lid = terms.emitted[:, :n], terms.emitted[:, n:]
+    back, back_lid = on_hull @ pushed, on_lid @ terms.received[n : n + m]
     for i, w in enumerate(omega):
         core = terms.core(w)
         first = np.hstack([alone, met_alone[:, i]])
@@ -158,7 +156,7 @@ def potentials(
         found = influence.potential @ first + answer @ y
         radiated[i], scattered[i] = found[:, :bodies], found[:, bodies:]
         incident[i] = -1j * gravity / w * waves[i].value
-        strengths = np.vstack([first - pushed @ y, -terms.felt[n : n + m] @ y])[:, :bodies]
+        strengths = np.vstack([first - pushed @ y, -terms.received[n : n + m] @ y])[:, :bodies]
         outward[i] = _far_waves(
             influence, lid, strengths, float(w), float(wavenumbers[i]), gravity, modes.reach
         )
@@ -208,20 +206,20 @@ class _SurfaceTerms:
     """What sources and lid do through the surface, by patterns.
 
     Attributes:
-        felt: U, of every pattern at the panels' flow (n), the lid (m) and the panels' potential (n): (2 n + m, r).
-        given: V*, from sources and lid to patterns (r', n + m); the lid's part is to be multiplied by i omega.
+        received: U, of every pattern at the panels' flow (n), the lid (m) and the panels' potential (n): (2 n + m, r).
+        emitted: V*, from sources and lid to patterns (r', n + m); the lid's part is to be multiplied by i omega.
         rings: what pattern makes what through each ring of waves (rings, r, r').
         modes: the waves.
     """
 
-    felt: Complex
-    given: Complex
+    received: Complex
+    emitted: Complex
     rings: Complex
     modes: SurfaceModes
 
     @classmethod
     def of(cls, influence: Influence, modes: SurfaceModes, lid: _Lid) -> _SurfaceTerms:
-        felt, given = [], []
+        received, emitted = [], []
         for k, weight, count in zip(modes.wavenumbers, modes.weights, modes.angles, strict=True):
             angles = ring_directions(int(count))
             share = np.sqrt(weight)
@@ -234,23 +232,25 @@ class _SurfaceTerms:
                 depth=modes.depth,
             )
             inside = np.exp(1j * k * (lid.points @ np.stack([np.cos(angles), np.sin(angles)])))
-            given.append(
+            emitted.append(
                 share * np.hstack([-modes.gravity * wave.source, (lid.areas[:, None] / inside).T])
             )
-            felt.append(share * np.vstack([wave.slope, -lid.rates[:, None] * inside, wave.value]))
-        wide, tall = np.hstack(felt), np.vstack(given)
+            received.append(
+                share * np.vstack([wave.slope, -lid.rates[:, None] * inside, wave.value])
+            )
+        wide, tall = np.hstack(received), np.vstack(emitted)
         left, right = _column_basis(wide), _column_basis(tall.conj().T).conj().T
         across, down = left.conj().T @ wide, tall @ right.conj().T
         rings = [across[:, a:b] @ down[a:b] for a, b in itertools.pairwise(modes.first)]
-        return cls(felt=left, given=right, rings=np.stack(rings), modes=modes)
+        return cls(received=left, emitted=right, rings=np.stack(rings), modes=modes)
 
     @property
     def rank(self) -> int:
         """Number r of patterns."""
-        return int(self.felt.shape[1])
+        return int(self.received.shape[1])
 
     def core(self, omega: float) -> Complex:
-        """From given to felt patterns at an angular frequency (r, r')."""
+        """From emitted to received patterns at an angular frequency (r, r')."""
         share = 1.0 / (self.modes.frequencies**2 - omega**2)
         return np.asarray(np.tensordot(share, self.rings, 1))
 
