@@ -72,15 +72,15 @@ def response_modes(influence: Influence, *, highest: float, gravity: float) -> S
     """Modes that resolve waves of up to the angular frequency `highest` [rad/s] at these hulls."""
     reach = max(float(np.linalg.norm(h.triangles[..., :2], axis=-1).max()) for h in influence.hulls)
     width = min(hull_width(hull) for hull in influence.hulls)
-    longest = 2.0 * highest**2 / gravity
-    cutoff = max(longest, 12.0 / width)
+    needed = 1.5 * highest**2 / gravity
+    cutoff = max(needed, 12.0 / width)
     while True:
         modes = surface_modes(
             shortest=2.0 * math.pi / cutoff, reach=reach, depth=influence.depth, gravity=gravity
         )
-        if modes.size <= MAX_WAVES or cutoff <= longest:
+        if modes.size <= MAX_WAVES or cutoff <= needed:
             return modes
-        cutoff = max(0.9 * cutoff, longest)
+        cutoff = max(0.9 * cutoff, needed)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -257,20 +257,20 @@ class _SurfaceTerms:
 
 def _column_basis(table: Complex) -> Complex:
     """Orthonormal columns that span those of a table (n, m), by random combinations of them."""
-    random, count = np.random.default_rng(0), 64
+    random = np.random.default_rng(0)
     tests = table @ random.standard_normal((table.shape[1], 8))
-    while True:
-        if count >= min(table.shape):
-            return np.asarray(
-                np.linalg.qr(
-                    table if len(table) > table.shape[1] else np.eye(len(table), dtype=complex)
-                )[0]
-            )
-        some = np.linalg.qr(table @ random.standard_normal((table.shape[1], count)))[0]
-        missed = tests - some @ (some.conj().T @ tests)
-        if np.linalg.norm(missed) < RANK_TOLERANCE * np.linalg.norm(tests):
-            return np.asarray(some)
-        count = 3 * count // 2
+    scale, basis = np.linalg.norm(tests), np.zeros((len(table), 0), complex)
+    while basis.shape[1] < min(table.shape):
+        count = min(max(64, basis.shape[1] // 2), min(table.shape) - basis.shape[1])
+        some = table @ random.standard_normal((table.shape[1], count))
+        for _ in range(2):  # twice: to rounding
+            some -= basis @ (basis.conj().T @ some)
+            some = np.linalg.qr(some)[0]
+        basis = np.hstack([basis, some])
+        tests -= some @ (some.conj().T @ tests)
+        if np.linalg.norm(tests) < RANK_TOLERANCE * scale:
+            break
+    return basis
 
 
 def coefficients(
