@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip._typing import Array
-from mjskip.checks import check_names, check_number, check_positive, check_type, fault
+from mjskip.checks import check_names, check_number, check_positive, check_switch, check_type, fault
 from mjskip.coupling import _moving_kernels as moving
 from mjskip.coupling.moving_water import MovingWater, SurfaceKind
 from mjskip.coupling.plugin import (
@@ -67,6 +67,8 @@ def add_water(
         surface=surface, size=size, spacing=spacing, depth=depth, wave_speed=wave_speed,
         damping=damping, tension=tension, load_radius=load_radius, arrows=arrows,
     )  # fmt: skip
+    check_type("name", name, str, "give a name for the plugin's instance")
+    check_switch("sensor", sensor)
     Sea.from_text(sea)
     chosen = _chosen(spec, bodies)
     register_plugin()
@@ -166,10 +168,10 @@ class WaterSurface:
         return float(self._state[window.LEFT_VOLUME]), float(self._state[window.LEFT_ENERGY])
 
     def elevation(self, x: npt.ArrayLike, y: npt.ArrayLike) -> Array:
-        """Elevation at places [m], bilinear; 0 outside of the square.
+        """Elevation at places [m], in the shape of these, bilinear; 0 outside of the square.
 
         Args:
-            x, y: of any one shape [m].
+            x, y: scalars, or arrays of one shape [m].
 
         Raises:
             ValueError: a place is not a finite number.
@@ -196,14 +198,17 @@ class WaterSurface:
             radius: of its bump [m]; the instance's load_radius if omitted, a cell at least.
 
         Raises:
-            ValueError: a value is not finite, or the radius is smaller than a cell.
+            ValueError: a value is not finite, or the radius is smaller than a cell or larger than the square.
         """
         radius = self._radius if radius is None else radius
         for name, value in (("x", x), ("y", y), ("impulse", impulse)):
             check_number(name, value)
         check_positive(radius=radius)
-        if radius < self.spacing:
-            raise fault("radius", radius, f"give a cell at least, {self.spacing:g} m")
+        width = self._cells * self.spacing
+        if not self.spacing <= radius <= width:
+            raise fault(
+                "radius", radius, f"give {self.spacing:g} m (a cell) to {width:g} m (the square)"
+            )
         side = math.floor(2.0 * radius / self.spacing) + 1
         face, spot = np.zeros((1, coupling.FACE)), np.zeros((1, coupling.SPOT + side * side))
         face[0, coupling.POINT_X], face[0, coupling.POINT_Y] = x, y

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from mjskip._typing import Array, Image
+from mjskip.checks import check_path
 from mjskip.draw.forces import draw_loads, loads_at
 from mjskip.draw.gl import gl_renderer as gl_renderer
 from mjskip.draw.gl import is_software as is_software
@@ -143,7 +144,7 @@ def render_video(
         SceneError: the scene has no such camera or body.
         RenderError: OpenGL or the encoder is missing or fails.
     """
-    path = Path(path)
+    path = check_path("path", path)
     check_video_path(path)
     shot = Shot(
         camera=camera, size=size, fps=fps, slow=slow, look=look, linger=linger, trail=trail,

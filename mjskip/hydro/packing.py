@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from mjskip._typing import Array
 from mjskip.hydro import _block as layout
@@ -159,6 +157,9 @@ def _planes(triangles: Array, vectors: Array) -> tuple[list[Array], npt.NDArray[
     shared = edge[found] == reverse
     one, other = triangle[shared], triangle[found[shared]]
     flat = np.linalg.norm(normals[one] - normals[other], axis=1) < SAME_PLANE
+    from scipy.sparse import coo_array  # scipy takes longer to import than MuJoCo
+    from scipy.sparse.csgraph import connected_components
+
     graph = coo_array((np.ones(flat.sum()), (one[flat], other[flat])), shape=(n, n))
     count, plane_of = connected_components(graph, directed=False)
 

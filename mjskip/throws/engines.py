@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 
 from mjskip._typing import Array
+from mjskip.checks import fault
 from mjskip.coupling._struct_layout import library
 from mjskip.coupling.attach import Coupling, attach
 from mjskip.coupling.bodies import find_body
@@ -204,10 +205,9 @@ class MujocoEngine:
         del over_waves
         model = copy.copy(scene.model)
         if integrator is not None:
-            if integrator not in INTEGRATORS:
-                raise ValueError(
-                    f"integrator is {integrator!r}: the mujoco engine has {', '.join(INTEGRATORS)}"
-                )
+            if not isinstance(integrator, str) or integrator not in INTEGRATORS:
+                has = ", ".join(INTEGRATORS)
+                raise fault("integrator", integrator, f"the mujoco engine has {has}")
             model.opt.integrator = INTEGRATORS[integrator]
         self.integrator = next(n for n, code in INTEGRATORS.items() if code == model.opt.integrator)
         self.stages = 4 if self.integrator == "RK4" else 1

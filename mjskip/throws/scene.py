@@ -107,8 +107,14 @@ class Scene:
         return self.stones[self.body]
 
     def water_of(self, body: str) -> Water:
-        """The fluid about a body: its plugin's, or the scene's."""
-        return self.plugged.get(body, self.water)
+        """The fluid about a body: its plugin's, or the scene's.
+
+        Args:
+            body: its name.
+        """
+        return self.plugged.get(
+            check_type("body", body, str, "give the name of a body"), self.water
+        )
 
     def field(self) -> HeightField:
         """Fresh water of this scene: endless if its boundary absorbs, else between its walls or periodic.
@@ -129,6 +135,9 @@ class Scene:
         """This scene with other throw settings, SI and radians.
 
         The chosen body takes them all; the others keep what the scene gives to them alone.
+
+        Args:
+            changes: fields of `Throw`.
 
         Raises:
             ValueError: a value is out of range, or the body is thrown by a robot.
