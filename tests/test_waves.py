@@ -532,7 +532,9 @@ def test_a_step_too_large_is_refused_with_both_limits():
     with pytest.raises(ValueError, match=message):
         water.step(0.05)
     for bad in (math.nan, -0.01, 0.0):
-        with pytest.raises(ValueError, match="timestep is .*: give a finite number greater than 0"):
+        with pytest.raises(
+            ValueError, match=r"timestep is .*: give a finite number greater than 0"
+        ):
             water.step(bad)
     for bad in (math.nan, -0.01):
         with pytest.raises(ValueError, match="duration is"):

@@ -67,7 +67,21 @@ class Coupling:
         native: bool = True,
         sea: Sea | None = None,
     ) -> None:
-        """Choose what is wet and prepare it; `open` lets the water act."""
+        """Choose what is wet and prepare it; `open` lets the water act.
+
+        Args:
+            model: compiled.
+            data: in which loads are set back when the water stops acting; may be None.
+            water: the fluid.
+            bodies, geoms: what is wet, see `mjskip.attach`.
+            options: how hulls are made.
+            native: False for a callback in Python.
+            sea: waves and current about bodies that radiate.
+
+        Raises:
+            ValueError: an argument is not allowed.
+            SceneError: the model lacks what is asked for.
+        """
         _check_arguments(model, data, water)
         _check_sea(model, water, sea, native)
         self.model, self.water = model, water
@@ -151,7 +165,12 @@ class Coupling:
         return self.surface.elevation(self.surface.state_of(data), points)
 
     def grid_elevation(self, data: mujoco.MjData, x: Array, y: Array) -> Array:
-        """The same at the points of a grid with axes x (nx,) and y (ny,) [m], quickly: (nx, ny) [m]."""
+        """The same at the points of a grid, quickly: (nx, ny) [m].
+
+        Args:
+            data: of the attached model.
+            x, y: axes of the grid (nx,) and (ny,) [m].
+        """
         self._check_data(data)
         if self.surface is None:
             return np.zeros((len(x), len(y)))
@@ -286,7 +305,7 @@ class Coupling:
 
         Args:
             function: its address.
-            context: handed to it; must stay alive.
+            context: numbers of any shape and unit that it is given the address of; must stay alive.
         """
         self._entry.replace_loads(function, context)
 
@@ -302,7 +321,11 @@ class Coupling:
         return self._wrench(data, self._index(body))
 
     def wrenches(self, data: mujoco.MjData) -> dict[str, Wrench]:
-        """Wrench on every wet body, by name, or by number where it has none."""
+        """Wrench on every wet body, by name, or by number where it has none.
+
+        Args:
+            data: pose and motion.
+        """
         return {
             body_name(self.model, body): self._wrench(data, k) for k, body in enumerate(self.bodies)
         }
@@ -437,7 +460,7 @@ class Coupling:
         return found if load is None else replace(found, force=load[:3], torque=load[3:])
 
     def state(self, data: mujoco.MjData, k: int) -> Array:
-        """State (1, 18) of a wet body, for the force kernel.
+        """State (1, 18) of a wet body, for the force kernel: SI units, see `mjskip.rigid.state`.
 
         Args:
             data: of the attached model.

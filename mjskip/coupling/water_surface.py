@@ -168,10 +168,10 @@ class WaterSurface:
         return float(self._state[window.LEFT_VOLUME]), float(self._state[window.LEFT_ENERGY])
 
     def elevation(self, x: npt.ArrayLike, y: npt.ArrayLike) -> Array:
-        """Elevation at places [m], bilinear; 0 outside of the square.
+        """Elevation at places [m], in the shape of these, bilinear; 0 outside of the square.
 
         Args:
-            x, y: of any one shape [m].
+            x, y: scalars, or arrays of one shape [m].
 
         Raises:
             ValueError: a place is not a finite number.

@@ -144,7 +144,13 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         camera: int | str | mujoco.MjvCamera = -1,
         scene_option: mujoco.MjvOption | None = None,
     ) -> None:
-        """Gather what a camera sees, as `mujoco.Renderer.update_scene`."""
+        """Gather what a camera sees, as `mujoco.Renderer.update_scene`.
+
+        Args:
+            data: of the renderer's model.
+            camera: name, id, -1 for the free one, or a `mujoco.MjvCamera`.
+            scene_option: what is drawn.
+        """
         super().update_scene(data, camera, scene_option)
         if self._data is not data:
             self._brought = model_surface(self._model, data)
@@ -160,6 +166,13 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
 
     def render(self, *, out: npt.NDArray[Any] | None = None) -> npt.NDArray[Any]:
         """The picture, depth or segmentation, as `mujoco.Renderer.render`.
+
+        Args:
+            out: to write to instead, of the same shape and kind as what is returned.
+
+        Returns:
+            (height, width, 3) colours from 0 to 255; depth (height, width) [m]; or segmentation
+            (height, width, 2) of object ids and types.
 
         Raises:
             RuntimeError: the renderer is closed.

@@ -133,20 +133,40 @@ def _nothing() -> None:
 class WaterEnv(gymnasium.Env[Array, SingleArray]):
     """One simulation of a task."""
 
+    task_type: type[Task]
+    """What is done."""
+
     metadata = {"render_modes": list(RENDER_MODES), "render_fps": 50}  # noqa: RUF012  gymnasium's
 
     def __init__(
         self,
-        task: Task,
         *,
-        render_mode: str | None,
-        width: int,
-        height: int,
-        camera: str | int | None,
-        water: Water | Options | None,
+        render_mode: str | None = None,
+        frame_skip: int | None = None,
+        water: Water | Options | None = None,
         stone: Options | None = None,
         sea: Options | str | None = None,
+        width: int = 480,
+        height: int = 360,
+        camera: str | int | None = None,
     ) -> None:
+        """Make the simulation.
+
+        Args:
+            render_mode: "human" (a window), "rgb_array", or "rgb_array_list" where an action is a whole run; None
+                draws nothing.
+            frame_skip: engine steps for one action; the task's if None.
+            water: a `Water`, or fields of it; numbers may be ranges (low, high) to draw from.
+            stone: radius [m], thickness [m] and density [kg/m^3] of the stone, where there is one; ranges too.
+            sea: waves and current where bodies radiate, as a text for `Sea.from_text` or by its keys in SI units and
+                radians; ranges too.
+            width, height: of pictures [pixels].
+            camera: name or id; the task's if None.
+
+        Raises:
+            ValueError: an argument is unknown to this task, or not allowed.
+        """
+        task = self.task_type(frame_skip)
         if render_mode is not None:
             check_choice("render_mode", render_mode, self.metadata["render_modes"])
         self.render_mode = render_mode
@@ -203,7 +223,14 @@ class WaterEnv(gymnasium.Env[Array, SingleArray]):
         return self._episodes.observations()[0], self._info()
 
     def step(self, action: SingleArray) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """One action: observation, reward, terminated, False, info."""
+        """Do one action.
+
+        Args:
+            action: (n,), each from -1 to 1; what they mean says the task.
+
+        Returns:
+            Observation (m,) in SI units, reward, terminated, False, info.
+        """
         if not self._begun:
             raise gymnasium.error.ResetNeeded("call reset() before step()")
         episodes = self._episodes
@@ -217,7 +244,7 @@ class WaterEnv(gymnasium.Env[Array, SingleArray]):
         )
 
     def render(self) -> Image | list[Image] | None:  # type: ignore[override]
-        """The picture (height, width, 3) for "rgb_array"; "human" has its window.
+        """The picture (height, width, 3), colours from 0 to 255, for "rgb_array"; "human" has its window.
 
         For "rgb_array_list", where one action is a whole run: the pictures since the last call.
         """
@@ -256,6 +283,9 @@ class WaterVectorEnv(VectorEnv[Any, Any, Any]):
     whose episode is over begins a new one at the next step, whose action it ignores ("next step" autoreset).
     """
 
+    task_type: type[Task]
+    """What is done."""
+
     metadata = {  # noqa: RUF012  gymnasium's
         "render_modes": ["rgb_array"],
         "autoreset_mode": AutoresetMode.NEXT_STEP,
@@ -263,19 +293,31 @@ class WaterVectorEnv(VectorEnv[Any, Any, Any]):
 
     def __init__(
         self,
-        task: Task,
         *,
-        num_envs: int,
-        num_threads: int,
-        max_episode_steps: int | None,
-        render_mode: str | None,
-        width: int,
-        height: int,
-        camera: str | int | None,
-        water: Water | Options | None,
+        num_envs: int = 1,
+        num_threads: int = 0,
+        max_episode_steps: int | None = None,
+        render_mode: str | None = None,
+        frame_skip: int | None = None,
+        water: Water | Options | None = None,
         stone: Options | None = None,
         sea: Options | str | None = None,
+        width: int = 480,
+        height: int = 360,
+        camera: str | int | None = None,
     ) -> None:
+        """Make the simulations; arguments that are not named here are those of `WaterEnv`.
+
+        Args:
+            num_envs: rows.
+            num_threads: that share the rows; 0 for as many as there are processors.
+            max_episode_steps: actions after which an episode is cut off; None for no limit.
+            render_mode: "rgb_array"; None draws nothing.
+
+        Raises:
+            ValueError: an argument is unknown to this task, or not allowed.
+        """
+        task = self.task_type(frame_skip)
         if render_mode is not None:
             check_choice("render_mode", render_mode, self.metadata["render_modes"])
         self.render_mode = render_mode
@@ -302,7 +344,18 @@ class WaterVectorEnv(VectorEnv[Any, Any, Any]):
         seed: int | list[int | None] | None = None,
         options: dict[str, Any] | None = None,
     ) -> tuple[Array, dict[str, Any]]:
-        """Begin an episode in every row; row i has the seed of an int plus i. Options as for one environment."""
+        """Begin an episode in every row.
+
+        Args:
+            seed: of everything that is drawn: one for each row, or a number that row i adds i to.
+            options: as for one environment, see `WaterEnv.reset`.
+
+        Returns:
+            Observations (num_envs, m) in SI units, and info.
+
+        Raises:
+            ValueError: an option is unknown or not allowed, or there are too few seeds.
+        """
         if seed is None or isinstance(seed, int | np.integer):
             seeds = [None if seed is None else int(seed) + i for i in range(self.num_envs)]
         else:
@@ -321,7 +374,14 @@ class WaterVectorEnv(VectorEnv[Any, Any, Any]):
         return self._episodes.observations(), self._info(self._all)
 
     def step(self, actions: Any) -> tuple[Array, Array, Flags, Flags, dict[str, Any]]:
-        """One action for every row that goes on; the others begin anew."""
+        """One action for every row that goes on; the others begin anew.
+
+        Args:
+            actions: (num_envs, n), each from -1 to 1; what they mean says the task.
+
+        Returns:
+            Observations (num_envs, m) in SI units; rewards, terminated and truncated (num_envs,); info.
+        """
         if not self._rngs:
             raise gymnasium.error.ResetNeeded("call reset() before step()")
         episodes, finished = self._episodes, self._finished
@@ -346,14 +406,18 @@ class WaterVectorEnv(VectorEnv[Any, Any, Any]):
         return episodes.observations(), episodes.reward.copy(), over, cut, info
 
     def render(self) -> tuple[Image, ...] | None:
-        """A picture of every row."""
+        """A picture (height, width, 3) of every row, colours from 0 to 255; None without a render_mode."""
         if self.render_mode is None:
             return None
         simulation = self._episodes.simulation
         return tuple(self._view.picture(*simulation.data(row)) for row in range(self.num_envs))
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Free what draws."""
+        """Free what draws.
+
+        Args:
+            kwargs: Gymnasium's; not used.
+        """
         self._view.close()
 
     def _info(self, rows: Rows) -> dict[str, Any]:

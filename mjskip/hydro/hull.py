@@ -37,7 +37,16 @@ class Hull:
 
     @classmethod
     def of_surface(cls, *, vertices: Array, faces: npt.NDArray[np.int32], inertia: Array) -> Hull:
-        """A hull about the centre of mass (the origin) of a body with this inertia (3, 3) [kg m^2]."""
+        """A hull in axes about the centre of mass of a body.
+
+        Args:
+            vertices: (n, 3) [m].
+            faces: (m, 3) indices, counter-clockwise seen from outside.
+            inertia: of the body about its centre of mass (3, 3) [kg m^2].
+
+        Raises:
+            ValueError: an argument has another shape, or is not finite.
+        """
         vertices, faces = check_surface(vertices, faces)
         inertia = check_array("inertia", inertia, 3, 3)
         return cls(vertices=vertices, faces=faces, **disc_of(vertices[faces], inertia))

@@ -235,7 +235,18 @@ class Stone(Hull):
         centre: Array,
         inertia: Array,
     ) -> Stone:
-        """A stone whose mass properties are known; vertices and centre of mass in one frame [m]."""
+        """A stone whose mass properties are known.
+
+        Args:
+            vertices: (n, 3) [m].
+            faces: (m, 3) indices, counter-clockwise seen from outside.
+            mass: [kg].
+            centre: centre of mass (3,), in the frame of the vertices [m].
+            inertia: about the centre of mass (3, 3) [kg m^2].
+
+        Raises:
+            ValueError: an argument has another shape, or is not finite.
+        """
         vertices, faces = check_surface(vertices, faces)
         vertices = vertices - check_vector("centre", centre, 3)
         inertia = check_array("inertia", inertia, 3, 3)

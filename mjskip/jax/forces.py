@@ -24,7 +24,14 @@ Vector = jax.Array
 
 
 class Load(NamedTuple):
-    """Forces (3,) [N] and torques about the centre of mass (3,) [N m], world frame."""
+    """What water and air do to a body, world frame.
+
+    Attributes:
+        force: of the water (3,) [N].
+        torque: of the water about the centre of mass (3,) [N m].
+        air_force: of the air (3,) [N].
+        air_torque: of the air about the centre of mass (3,) [N m].
+    """
 
     force: Vector
     torque: Vector
@@ -122,7 +129,11 @@ def wrench(hull: Hull, water: Water | None = None, *, gravity: float = 9.81) -> 
 
 
 def rotation(q: Any) -> Vector:
-    """Matrix (3, 3), body to world, of a quaternion w-x-y-z of any length but zero."""
+    """Matrix (3, 3), body to world, without unit.
+
+    Args:
+        q: quaternion (4,), w-x-y-z, of any length but zero.
+    """
     w, x, y, z = q / jnp.linalg.norm(q)
     return jnp.array(
         [

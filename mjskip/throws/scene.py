@@ -136,6 +136,9 @@ class Scene:
 
         The chosen body takes them all; the others keep what the scene gives to them alone.
 
+        Args:
+            changes: fields of `Throw`.
+
         Raises:
             ValueError: a value is out of range, or the body is thrown by a robot.
         """

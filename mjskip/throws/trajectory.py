@@ -213,6 +213,9 @@ class Trajectory:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write a NetCDF-4 file; it appears whole or not at all.
 
+        Args:
+            path: the file.
+
         Raises:
             MjskipError: the folder does not exist or cannot be written to.
         """
@@ -223,6 +226,9 @@ class Trajectory:
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Trajectory:
         """Read what `save` wrote.
+
+        Args:
+            path: the file.
 
         Raises:
             MjskipError: the file is missing or is not such a file.

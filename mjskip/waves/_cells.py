@@ -42,7 +42,11 @@ class CellBlocks:
     _margin: int
 
     def contains(self, x: float, y: float) -> bool:
-        """Whether a point is inside the walls, if there are any."""
+        """Whether a point is inside the walls, if there are any.
+
+        Args:
+            x, y: of the point [m].
+        """
         if self.shape is None or self.boundary == "periodic":
             return True
         return (
@@ -51,7 +55,11 @@ class CellBlocks:
         )
 
     def cell_position(self, i: int, j: int) -> tuple[float, float]:
-        """Where a stored cell is [m]."""
+        """Where a cell is (x, y) [m].
+
+        Args:
+            i, j: of the stored cells, those outside an absorbing field included.
+        """
         margin = self._margin
         return (
             float(self._positions(0, i - margin, 1)[0]),
