@@ -127,17 +127,7 @@ def potentials(
     terms = _SurfaceTerms.of(influence, modes, lid)
     bodies = radiated.shape[2]
     wavenumbers = wavenumber(omega, depth=influence.depth, gravity=gravity)
-    waves = [
-        plane_waves(
-            influence.points,
-            influence.normals,
-            influence.areas,
-            k=float(k),
-            directions=headings,
-            depth=influence.depth,
-        )
-        for k in wavenumbers
-    ]
+    waves = [influence.plane_waves(float(k), headings) for k in wavenumbers]
     met = [1j * gravity / w * wave.slope for w, wave in zip(omega, waves, strict=True)]
     solved = np.linalg.solve(
         influence.velocity, np.hstack([influence.motions, terms.received[:n], *met])
@@ -179,14 +169,7 @@ def _far_waves(
     u the transform, at the real wavenumber, of the surface's upward speed by sources and lid.
     """
     angles = ring_directions(2 * math.ceil(k * reach) + 12)
-    wave = plane_waves(
-        influence.points,
-        influence.normals,
-        influence.areas,
-        k=k,
-        directions=angles,
-        depth=influence.depth,
-    )
+    wave = influence.plane_waves(k, angles)
     n = len(influence.areas)
     inside = np.exp(1j * k * (lid.points @ np.stack([np.cos(angles), np.sin(angles)])))
     rise = wave.source @ strengths[:n] - 1j * w / gravity * (

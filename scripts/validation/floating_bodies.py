@@ -179,6 +179,8 @@ CASES = {
         width=0.31, coarse=4,
     ),
     "cube": Case(
+        ballast=0.1,
+        mass=62.5,
         geoms=geom("box", ".25 .25 .25", 500), quads=lambda n: box(0.25, 0.25, 0.25, n), height=0.0,
         width=0.28, coarse=4,
     ),
