@@ -76,9 +76,7 @@ def film(path: Path) -> None:
             caption(named, numbers_at(flights[scene.body], float(time)))
             yield np.ascontiguousarray(np.hstack([one, named])[CUT:])
 
-    write_video(
-        images(), path, size=(2 * wide, high - CUT), fps=rate, total=count, quality=45
-    )
+    write_video(images(), path, size=(2 * wide, high - CUT), fps=rate, total=count, quality=45)
 
 
 def still(
