@@ -404,6 +404,20 @@ def test_moving_water_that_a_model_brings_is_drawn_without_being_named():
     assert np.abs(pictures[0] - pictures[2]).max() > 5.0
 
 
+def test_a_translucent_geom_over_the_water_does_not_vanish():
+    model = pool(
+        cameras='<camera name="above" pos="0 0 1"/>',
+        bodies='<body pos="0 0 .1"><freejoint/><geom size=".1" rgba="1 1 1 .4" material="white"/></body>',
+    )
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    with mjskip.Renderer(model, HIGH, WIDE, linear=True) as renderer:
+        renderer.update_scene(data, "above")
+        alpha = float(renderer.scene.geoms[1].rgba[3])
+        assert renderer.render()[HIGH // 2, WIDE // 2].min() > 200
+        assert float(renderer.scene.geoms[1].rgba[3]) == alpha == pytest.approx(0.4)
+
+
 def test_joints_move_in_films_of_what_floats():
     scene = mjskip.load_scene("quadruped_wading")
     run = mjskip.simulate(scene, limits=mjskip.Limits(duration=0.4))
