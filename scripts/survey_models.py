@@ -57,13 +57,12 @@ def models(folder: Path) -> dict[Path, mujoco.MjModel]:
         except (ValueError, OSError):
             continue  # a part that others include, or a template
         moving = [b for b in range(1, model.nbody) if model.body_weldid[b] != 0]
-        geoms = sum(int(model.body_geomnum[b]) for b in moving)
+        geoms = [g for b in moving for g in body_geoms(model, b)]
+        # a robot in several scenes is one
         key = (
-            model.nbody,
-            model.ngeom,
-            model.nv,
-            float(model.body_mass.sum()),
-            model.geom_size.tobytes(),
+            model.body_mass[moving].tobytes(),
+            model.body_parentid[moving].tobytes(),
+            model.geom_size[geoms].tobytes(),
         )
         if geoms and key not in seen:
             seen.add(key)

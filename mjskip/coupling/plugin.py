@@ -72,7 +72,14 @@ from mjskip.coupling.sea import (
     most_state,
     surface_of,
 )
-from mjskip.coupling.selection import GeomRule, WetBody, geom_rule, members_of, wet_body
+from mjskip.coupling.selection import (
+    GeomRule,
+    WetBody,
+    can_move,
+    geom_rule,
+    members_of,
+    wet_body,
+)
 from mjskip.coupling.wet import BuiltHull, HullOptions, Inertia, hull_of, inertia_of
 from mjskip.errors import MjskipError, MjskipWarning, SceneError
 from mjskip.hydro.seas import Sea
@@ -250,6 +257,7 @@ def _fill_root() -> None:
     root[kernels.TABLE] = _records.table.ctypes.data
     root[kernels.GRAVITY] = _layout.option_offset("gravity")
     root[kernels.TIMESTEP] = _layout.option_offset("timestep")
+    root[kernels.DISABLED] = _layout.option_offset("disableflags")
     root[kernels.RADIATION_KEY] = KEYS.index("radiation")
     root[kernels.INTEGRATOR] = _layout.option_offset("integrator")
     scene = _layout.members("mjvScene")
@@ -361,6 +369,7 @@ def _answer(model: int, address: int, _unused: int) -> None:
             _link_sea()
         if what == kernels.CONFIGURATION:
             _check_sensors(view, instance, told)
+            _check_acts(view, instance, told)
         elif what == kernels.DOUBTS:
             _say_doubts(view, instance, told)
         elif what == kernels.STATE_SIZE:
@@ -570,7 +579,7 @@ def _say_doubts(view: Any, instance: int, told: PluginSettings) -> None:
             )
     if reasons and not any(built.hull for _, _, built in wet):
         raise SceneError(f"plugin {NAME}: {'; '.join(reasons)}")
-    for text in doubts(view, told.water, wet, medium=view.medium):
+    for text in doubts(view, told.water, wet, medium=view.medium, gravity=view.gravity):
         if text not in _told:
             _told.append(text)
             warnings.warn(text, MjskipWarning, stacklevel=2)
@@ -628,6 +637,26 @@ def _configured(view: _layout.ModelView, instance: int) -> PluginSettings:
         )
     except ValueError as error:
         raise ValueError(f"{who}: {error}") from error
+
+
+PASSIVE = int(mujoco.mjtDisableBit.mjDSBL_SPRING) | int(mujoco.mjtDisableBit.mjDSBL_DAMPER)
+
+
+def _check_acts(view: _layout.ModelView, instance: int, told: PluginSettings) -> None:
+    """Refuse an instance whose force nothing would feel."""
+    carriers = np.flatnonzero(np.asarray(view.body_plugin) == instance)
+    heads = list(_heads(view, instance, told))
+    if len(carriers) and not any(can_move(view, body) for body in heads):
+        name = body_name(view, int(carriers[0])) if carriers[0] else "world"
+        raise SceneError(
+            f"plugin {NAME}: body {name!r} carries it, which does not move: put it into a body with a joint at or above "
+            "it, as the root of what is to be wet"
+        )
+    if view.disabled & PASSIVE == PASSIVE:
+        raise SceneError(
+            f'plugin {NAME}: <flag spring="disable" damper="disable"/> silences every passive force, and the water\'s too: '
+            "enable one of them, or use mjskip.attach(model, data)"
+        )
 
 
 def _check_sensors(view: _layout.ModelView, instance: int, told: PluginSettings) -> None:
