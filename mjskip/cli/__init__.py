@@ -16,7 +16,7 @@ COMMANDS = {
     "run": "Throw the stone of a scene; print its skips, draw a video.",
     "compare": "The same throw by MuJoCo and by the pure integrator, over a ladder of time steps.",
     "sweep": "Throws over a grid of parameters: most skips, where they skip, how surely.",
-    "optimize": "The best throw within a thrower's limits, for a hand that strays.",
+    "optimize": "The best throw within a thrower's limits, for a hand that scatters.",
     "plot": "A page of curves about saved throws (extra: plot).",
     "play": "A page in the browser where you throw (extra: play).",
     "view": "MuJoCo's own viewer with the water, live.",

@@ -12,7 +12,7 @@ import numpy as np
 from mjskip._typing import Array
 from mjskip.checks import check_type
 from mjskip.coupling.attach import Coupling
-from mjskip.coupling.bodies import body_name, find_body, free_bodies
+from mjskip.coupling.bodies import body_id, body_name, free_bodies
 from mjskip.coupling.plugin import plugin_settings
 from mjskip.coupling.selection import BodyRule, GeomRule
 from mjskip.coupling.wet import HullOptions, Interior
@@ -23,7 +23,7 @@ from mjskip.hydro.water import Water
 from mjskip.rigid.attitude import matrices, quaternions
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class ModelFlotation(Flotation):
     """A free tree of a model at rest in still water, its joints as they are.
 
@@ -65,11 +65,13 @@ def float_at_rest(
     """
     check_type("model", model, mujoco.MjModel, "give what mujoco.MjModel.from_xml_path(file) makes")
     root = tree_root(model, body)
-    told = plugin_settings(model, root)
+    settings = plugin_settings(model, root)
     options = HullOptions(interior=interior or "flooded", max_faces=max_faces)
-    if told is not None:
-        water, geoms = water or told.water, told.geoms if geoms is None else geoms
-        options = told.options if interior is None else replace(told.options, interior=interior)
+    if settings is not None:
+        water, geoms = water or settings.water, settings.geoms if geoms is None else geoms
+        options = (
+            settings.options if interior is None else replace(settings.options, interior=interior)
+        )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", MjskipWarning)
         coupling = Coupling(
@@ -88,8 +90,7 @@ def tree_root(model: mujoco.MjModel, body: str | int | None) -> int:
     if body is None:
         root = free[0] if free else 0
     else:
-        number = find_body(model, body) if isinstance(body, str) else int(body)
-        root = int(model.body_rootid[number])
+        root = int(model.body_rootid[body_id(model, body)])
     if root not in free:
         raise SceneError(
             "only what has a free joint floats: name a body of a tree whose root has one"

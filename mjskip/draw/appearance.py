@@ -7,7 +7,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
+
+from mjskip._typing import Image
+from mjskip.checks import check_array, check_number, fault
 
 RIPPLE_SIDE = 2.56
 """Side of a tile of ripples [m]; `water.glsl` knows it too."""
@@ -39,16 +41,16 @@ class WaterAppearance:
 
     def __post_init__(self) -> None:
         for name, highest in (("absorption", math.inf), ("scattered", 1.0)):
-            value = getattr(self, name)
-            if len(value) != 3 or not all(0.0 <= part <= highest for part in value):
-                limit = "at least 0" if highest == math.inf else "from 0 to 1"
-                raise ValueError(f"{name} is {value!r}: give red, green and blue, {limit}")
-        if not 0.0 <= self.wind <= 10.0:
-            raise ValueError(f"wind is {self.wind!r}: give a number from 0 to 10")
+            limit = "at least 0" if highest == math.inf else "from 0 to 1"
+            remedy = f"give red, green and blue, {limit}"
+            value = check_array(name, getattr(self, name), 3, remedy=remedy)
+            if not ((value >= 0.0) & (value <= highest)).all():
+                raise fault(name, getattr(self, name), remedy)
+        check_number("wind", self.wind, low=0.0, high=10.0)
 
 
 @functools.cache
-def ripples() -> npt.NDArray[np.uint8]:
+def ripples() -> Image:
     """A breath of wind: slopes along x and y and Laplacian, a tile (n, n, 4) that repeats; rows along y.
 
     Each is 127.5 at zero; the greatest and least are as `water.glsl` says. Bytes are drawn fastest.

@@ -23,7 +23,8 @@ def offscreen() -> Iterator[None]:
     """Inside, MuJoCo makes its OpenGL contexts through EGL, which needs no display.
 
     MuJoCo picks its backend once, from the variable MUJOCO_GL as it is first imported, and its own
-    default needs a display. A choice by the user in that variable is respected.
+    default needs a display. A choice by the user in that variable is respected, "egl" also where it comes after
+    that import.
 
     Raises:
         RenderError: no OpenGL context can be made here.
@@ -32,7 +33,7 @@ def offscreen() -> Iterator[None]:
     backend: Any = None
     chosen: Any = None
     try:
-        if os.environ.get("MUJOCO_GL", "").strip() == "":
+        if os.environ.get("MUJOCO_GL", "").strip().lower() in ("", "egl"):
             from mujoco.egl import GLContext
             from mujoco.rendering.classic import gl_context
 
@@ -53,7 +54,7 @@ def offscreen() -> Iterator[None]:
 
 
 @functools.cache
-def _asked() -> tuple[str, str]:
+def _probe_context() -> tuple[str, str]:
     """Name of what draws and version of its shading language, from a context made for this."""
     with offscreen():
         from mujoco.rendering.classic import gl_context
@@ -80,7 +81,7 @@ def gl_renderer() -> str:
     Raises:
         RenderError: no OpenGL context can be made here.
     """
-    return _asked()[0]
+    return _probe_context()[0]
 
 
 def shaders_work() -> bool:
@@ -89,7 +90,7 @@ def shaders_work() -> bool:
     Raises:
         RenderError: no OpenGL context can be made here.
     """
-    major, _, minor = (_asked()[1] or "0").partition(".")
+    major, _, minor = (_probe_context()[1] or "0").partition(".")
     return (int(major), int(minor[:2] or 0)) >= (3, 30)
 
 

@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 from scipy.ndimage import gaussian_filter1d
 
+from mjskip._typing import Array, Image
+from mjskip.checks import check_path
 from mjskip.draw.forces import draw_loads, loads_at
 from mjskip.draw.gl import gl_renderer as gl_renderer
 from mjskip.draw.gl import is_software as is_software
@@ -24,7 +25,6 @@ from mjskip.draw.stage import Look as Look
 from mjskip.draw.stage import Stage, largest_radius
 from mjskip.draw.stage import check_camera as check_camera
 from mjskip.draw.video import (
-    Image,
     Progress,
     check_fps,
     check_size,
@@ -41,7 +41,6 @@ if TYPE_CHECKING:
     from mjskip.hydro.stone import Stone
     from mjskip.throws.scene import Scene
 
-Array = npt.NDArray[np.float64]
 Flights = Trajectory | Mapping[str, Trajectory]
 """The motion of the scene's chosen stone, or of several by the names of their bodies."""
 
@@ -61,9 +60,9 @@ class Shot:
         slow: how many times slower than it was; 1 is its own speed.
         look: "shaded", or "plain" which is quicker.
         linger: how long the film goes on with the rings after the throw is over [s of film].
-        trail: whether the stone's path fades behind it.
-        marks: whether a ring stays where it touched.
-        caption: whether speed, spin and skips are written into the corner.
+        trail: whether the stone's path fades behind it; not of what floats.
+        marks: whether a ring stays where it touched; not of what floats.
+        caption: whether speed, spin and skips, or of what floats time, trim and heel, are written into the corner.
         spray: whether drops fly; drawn only, see `mjskip.draw.spray`.
         forces: whether arrows of the forces, wetted faces and centres of buoyancy are drawn over it.
 
@@ -94,7 +93,7 @@ class Shot:
             raise ValueError(f"linger is {self.linger!r} s: give a number from 0 to 3600")
 
 
-USUAL = Shot()
+DEFAULT_SHOT = Shot()
 """How a throw is filmed if nothing else is said."""
 
 
@@ -130,9 +129,9 @@ def render_video(
         slow: how many times slower than it was; 1 is its own speed.
         look: "shaded", or "plain" which is quicker.
         linger: how long the film goes on with the rings after the throw is over [s of film].
-        trail: whether the stone's path fades behind it.
-        marks: whether a ring stays where it touched.
-        caption: whether speed, spin and skips are written into the corner.
+        trail: whether the stone's path fades behind it; not of what floats.
+        marks: whether a ring stays where it touched; not of what floats.
+        caption: whether speed, spin and skips, or of what floats time, trim and heel, are written into the corner.
         spray: whether drops fly; drawn only, see `mjskip.draw.spray`.
         forces: whether arrows of the forces, wetted faces and centres of buoyancy are drawn over it.
         progress: called with the frames done and to do.
@@ -145,7 +144,7 @@ def render_video(
         SceneError: the scene has no such camera or body.
         RenderError: OpenGL or the encoder is missing or fails.
     """
-    path = Path(path)
+    path = check_path("path", path)
     check_video_path(path)
     shot = Shot(
         camera=camera, size=size, fps=fps, slow=slow, look=look, linger=linger, trail=trail,
@@ -162,7 +161,7 @@ def render_frames(
     trajectory: Flights,
     folder: str | Path,
     *,
-    shot: Shot = USUAL,
+    shot: Shot = DEFAULT_SHOT,
     progress: Progress | None = None,
 ) -> list[Path]:
     """Write a throw as frame_0000.png and so on into a folder that exists; see `render_video`."""
@@ -177,7 +176,7 @@ def render_frames(
 def frames(
     scene: Scene,
     trajectory: Flights,
-    shot: Shot = USUAL,
+    shot: Shot = DEFAULT_SHOT,
     *,
     times: Array | None = None,
     follow: Trajectory | None = None,
@@ -247,6 +246,7 @@ def _play(
     overlays = [
         Overlay(flight, trail=plan.trail, marks=plan.marks, number=number)
         for number, flight in enumerate(flights.values())
+        if not flight.attributes.get("afloat")
     ]
     with contextlib.closing(stage):
         for time, centre in zip(times.tolist(), centres, strict=True):
@@ -275,7 +275,7 @@ def followed(flight: Trajectory, times: Array) -> Array:
         stop = min(stop, flight.contacts[-1].entry.time)
     margin = 4.0 * _SLACK
     ticks = np.arange(start - margin, stop + margin + _TICK, _TICK)
-    path = [np.interp(np.clip(ticks, start, stop), flight.time, x) for x in flight.x.T]
+    path = [np.interp(np.clip(ticks, start, stop), flight.time, x) for x in flight.position.T]
     smooth = [gaussian_filter1d(x, _SLACK / _TICK, mode="nearest") for x in path]
     return np.column_stack([np.interp(times, ticks, x) for x in smooth])
 

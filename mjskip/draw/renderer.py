@@ -10,16 +10,24 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
+from mjskip._typing import Array, Flags, SingleArray
+from mjskip.checks import check_count, check_switch, check_type
+from mjskip.coupling.water_surface import PluginSea, WaterSurface, model_surface
 from mjskip.draw import tiles
 from mjskip.draw.appearance import WaterAppearance
-from mjskip.draw.geoms import SURELY_ABOVE, Ellipsoids, Standing, moving_geoms, outlines, sun_of
+from mjskip.draw.geoms import (
+    CLEAR_OF_WATER,
+    Ellipsoids,
+    StaticGeoms,
+    moving_geoms,
+    outlines,
+    sun_of,
+)
 from mjskip.draw.gl import offscreen, shaders_work
 from mjskip.draw.passes import VIEW_ROWS, WaterPasses, gl, own_state, shrink_of
 from mjskip.draw.surface import BLOCK, BORDER, Patch, ShaderSurface, patch_of
 from mjskip.draw.surroundings import Surroundings
 from mjskip.errors import RenderError
-
-Array = npt.NDArray[np.float64]
 
 WATER_ID = -2
 """Both numbers of a pixel of water in a segmentation: background has -1, and everything else its id."""
@@ -74,7 +82,8 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
             max_geom: as `mujoco.Renderer`'s.
             font_scale: as `mujoco.Renderer`'s.
             water: a coupling of bodies and water, a `HeightField`, a recording of a surface, an
-                array (nx, ny) of heights [m], or None for still water at z = 0.
+                array (nx, ny) of heights [m], or None for the moving water that the model brings by the
+                plugin, or else still water at z = 0.
             spacing: side of a cell of an array [m].
             centre: of an array (x, y) [m].
             appearance: of the water.
@@ -87,14 +96,23 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         self._gl_context: Any = None  # both are the base class's, and what `close` looks for
         self._mjr_context: Any = None
         self._passes: WaterPasses | None = None
+        check_type(
+            "model", model, mujoco.MjModel, "give what mujoco.MjModel.from_xml_path(file) makes"
+        )
+        height, width = check_count("height", height), check_count("width", width)
+        max_geom = check_count("max_geom", max_geom, high=2**31 - 1)
+        check_type("font_scale", font_scale, mujoco.mjtFontScale, "give a mujoco.mjtFontScale")
+        if appearance is not None:
+            check_type("appearance", appearance, WaterAppearance)
         self.appearance = appearance or WaterAppearance()
-        self.linear = linear
+        self.linear = check_switch("linear", linear)
         self._spacing, self._centre = spacing, centre
         self.water = water
-        self.spray: tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]] | None = None
+        self.spray: tuple[SingleArray, SingleArray] | None = None
         self._surroundings: Surroundings | None = None
         self._time = 0.0
         self._data: Any = None
+        self._brought: WaterSurface | PluginSea | None = None
         self._patch((0.0, 0.0))
         if not shaders_work():
             raise RenderError(
@@ -105,7 +123,7 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         with self._current(), own_state():
             self._passes = WaterPasses((width, height))
         self._sun = sun_of(model)
-        self._standing, self._moving = Standing.of(model), moving_geoms(model)
+        self._standing, self._moving = StaticGeoms.of(model), moving_geoms(model)
         self._ellipsoids = Ellipsoids.of(model, self._moving)
         self._bodies = np.zeros((0, 16))
         self._outlines = np.zeros((0, 3)), np.zeros((0, 3))
@@ -126,8 +144,16 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         camera: int | str | mujoco.MjvCamera = -1,
         scene_option: mujoco.MjvOption | None = None,
     ) -> None:
-        """Gather what a camera sees, as `mujoco.Renderer.update_scene`."""
+        """Gather what a camera sees, as `mujoco.Renderer.update_scene`.
+
+        Args:
+            data: of the renderer's model.
+            camera: name, id, -1 for the free one, or a `mujoco.MjvCamera`.
+            scene_option: what is drawn.
+        """
         super().update_scene(data, camera, scene_option)
+        if self._data is not data:
+            self._brought = model_surface(self._model, data)
         self._usual = scene_option is None
         self._time, self._data = float(data.time), data
         self._bodies = self._ellipsoids.rows(data)
@@ -136,10 +162,17 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
             np.concatenate([self._standing.low, low]), np.concatenate([self._standing.high, high])
         )  # fmt: skip
         if self._surroundings is None and self._passes is not None:
-            self._look_around(data, self._passes)
+            self._draw_static(data, self._passes)
 
     def render(self, *, out: npt.NDArray[Any] | None = None) -> npt.NDArray[Any]:
         """The picture, depth or segmentation, as `mujoco.Renderer.render`.
+
+        Args:
+            out: to write to instead, of the same shape and kind as what is returned.
+
+        Returns:
+            (height, width, 3) colours from 0 to 255; depth (height, width) [m]; or segmentation
+            (height, width, 2) of object ids and types.
 
         Raises:
             RuntimeError: the renderer is closed.
@@ -201,7 +234,7 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         A bottom without end stays, without its texture: what is nowhere else would be filled with sky.
         """
         hidden = []
-        above = self._scene.camera[0].pos[2] > SURELY_ABOVE
+        above = self._scene.camera[0].pos[2] > CLEAR_OF_WATER
         wide = 0.7 * self._scene.camera[0].frustum_far
         sunk = self._standing.sunk
         for geom in self._scene.geoms[: self._scene.ngeom]:
@@ -226,7 +259,7 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         if self._mjr_context.offSamples or self._surroundings is None:
             passes.model.copy_from(self._mjr_context.offFBO)
 
-    def _tiles(self, view: npt.NDArray[np.float32], patch: Patch) -> dict[str, tiles.Flags]:
+    def _tiles(self, view: SingleArray, patch: Patch) -> dict[str, Flags]:
         """Which program draws which tile."""
         size, depth, sunk = (self._width, self._height), self._depth, bool(view[0, 3] < 0.0)
         if sunk:
@@ -246,11 +279,11 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
     def _patch(self, focus: tuple[float, float]) -> Patch:
         """What is drawn of the water now."""
         return patch_of(
-            self.water, focus=focus, time=self._time, spacing=self._spacing, centre=self._centre,
+            self._brought if self.water is None else self.water, focus=focus, time=self._time, spacing=self._spacing, centre=self._centre,
             data=self._data,
         )  # fmt: skip
 
-    def _look_around(self, data: mujoco.MjData, passes: WaterPasses) -> None:
+    def _draw_static(self, data: mujoco.MjData, passes: WaterPasses) -> None:
         """Draw the bottom and the scenery once."""
         patch = self._patch((0.0, 0.0))
         size = patch.spacing * max(patch.elevation.shape)
@@ -266,7 +299,7 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
             if self._mjr_context.offSamples == 0:
                 passes.adopt(self._mjr_context.offFBO)
 
-    def _see(self, passes: WaterPasses) -> tuple[npt.NDArray[np.float32], Patch]:
+    def _see(self, passes: WaterPasses) -> tuple[SingleArray, Patch]:
         """Hand the surface over, and fill in `water.glsl`'s View."""
         view = np.zeros((VIEW_ROWS, 4), np.float32)
         position, ahead = self._camera_rows(view)
@@ -295,7 +328,7 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         view[16 : 16 + 4 * len(self._bodies)] = self._bodies.reshape(-1, 4)
         return view, patch
 
-    def _camera_rows(self, view: npt.NDArray[np.float32]) -> tuple[Array, Array]:
+    def _camera_rows(self, view: SingleArray) -> tuple[Array, Array]:
         """Fill in the camera; its position and direction."""
         left, other = self._scene.camera  # a stereo pair, drawn from its middle
         position = 0.5 * (np.array(left.pos, np.float64) + other.pos)

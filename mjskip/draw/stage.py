@@ -8,22 +8,20 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
-from mjskip.draw.eye import Eye
+from mjskip._typing import Array, Image
+from mjskip.draw.eye import PinholeCamera
 from mjskip.draw.gl import offscreen, shaders_work
 from mjskip.draw.renderer import Renderer
 from mjskip.draw.skin import Grid, WaterSkin, add_water
 from mjskip.draw.spray import Spray
 from mjskip.draw.surface import patch_of
-from mjskip.draw.video import Image
 from mjskip.errors import MjskipWarning, RenderError, SceneError
 from mjskip.throws.trajectory import Trajectory, pose_at
 
 if TYPE_CHECKING:
     from mjskip.throws.scene import Scene
 
-Array = npt.NDArray[np.float64]
 Look = Literal["shaded", "plain"]
 LOOKS: tuple[Look, ...] = get_args(Look)
 
@@ -86,7 +84,7 @@ class Stage:
             if spray and not self._plain
             else []
         )
-        self.eye = Eye(
+        self.eye = PinholeCamera(
             position=np.zeros(3), forward=np.array([1.0, 0.0, 0.0]),
             up=np.array([0.0, 0.0, 1.0]), half_height=1.0, aspect=wide / high,
         )  # fmt: skip
@@ -137,7 +135,7 @@ class Stage:
             )
         self._renderer.update_scene(self.data, self._camera)
         self._wet_stones(time)
-        self.eye = Eye.of(self._renderer.scene, self._size[0] / self._size[1])
+        self.eye = PinholeCamera.of(self._renderer.scene, self._size[0] / self._size[1])
         if self._skin is not None:
             x, y, _ = pose_at(self._flights[self._focus], time)[0].tolist()
             self._skin.draw(self._renderer.scene, patch_of(surface, focus=(x, y)), focus=(x, y))
@@ -149,7 +147,9 @@ class Stage:
         wet = {
             self._thrown[name]
             for name, flight in self._flights.items()
-            if flight.contacts and time > flight.contacts[0].entry.time
+            if flight.contacts
+            and time > flight.contacts[0].entry.time
+            and not flight.attributes.get("afloat")
         }
         scene = self._renderer.scene
         for geom in scene.geoms[: scene.ngeom] if wet else ():
@@ -160,6 +160,9 @@ class Stage:
                 geom.rgba[:3] *= _WET
 
     def _put_stones(self, time: float) -> None:
+        flight = self._flights[self._focus]
+        if flight.qpos is not None and flight.qpos.shape[1] == self.model.nq:
+            self.data.qpos[:] = _coordinates_at(self.model, flight.time, flight.qpos, time)
         for name, flight in self._flights.items():
             position, attitude = pose_at(flight, time)
             body = self.model.body(name)
@@ -182,6 +185,18 @@ class Stage:
         if int(self.model.cam_mode[self._camera]) not in map(int, following):
             return None
         return float(self.data.cam_xpos[self._camera, 2])
+
+
+def _coordinates_at(model: Any, times: Array, qpos: Array, time: float) -> Array:
+    """Coordinates (nq,) between two rows; held beyond the ends."""
+    k = int(np.clip(np.searchsorted(times, time, side="right") - 1, 0, max(len(times) - 2, 0)))
+    found: Array = qpos[k].copy()
+    if len(times) > 1:
+        step, rate = float(times[k + 1] - times[k]), np.empty(model.nv)
+        mujoco.mj_differentiatePos(model, rate, step, qpos[k], qpos[k + 1])
+        part = min(max((time - float(times[k])) / step, 0.0), 1.0)
+        mujoco.mj_integratePos(model, found, rate, part * step)
+    return found
 
 
 def _rotated(vector: Array, attitude: Array) -> Array:

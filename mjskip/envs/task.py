@@ -12,10 +12,10 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
-from mjskip._typing import Array
+from mjskip._typing import Array, Flags
 from mjskip.checks import check_count
 from mjskip.coupling.plugin import register_plugin
-from mjskip.envs.simulation import Flags, Rows, Sensors, Simulation
+from mjskip.envs.simulation import Rows, Sensors, Simulation
 from mjskip.envs.variation import Choice, apply
 
 
@@ -33,7 +33,8 @@ class Task(ABC):
     """
 
     frame_skip_default: ClassVar[int]
-    has_stone: ClassVar[bool] = False
+    has: ClassVar[frozenset[str]] = frozenset()
+    """What may differ besides the water: "stone", "sea"."""
     whole_run: ClassVar[bool] = False
     """One action is one run to its end; frame_skip is then how often it is looked at."""
     camera: ClassVar[str]

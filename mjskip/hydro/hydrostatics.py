@@ -78,8 +78,8 @@ def hydrostatics(
         wetted_area=found.wetted,
         waterplane_area=found.waterplane,
         centre_of_flotation=found.flotation + mass_centre[:2],
-        metacentric_height=rise + float(aside @ found.second @ aside) / found.volume,
-        longitudinal_metacentric_height=rise + float(ahead @ found.second @ ahead) / found.volume,
+        metacentric_height=float(rise + aside @ found.second @ aside / found.volume),
+        longitudinal_metacentric_height=float(rise + ahead @ found.second @ ahead / found.volume),
     )
 
 
@@ -149,7 +149,7 @@ def _crossing(a: Array, b: Array) -> Array:
     return np.asarray(point)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Flotation:
     """A body at rest in still water.
 
@@ -175,12 +175,20 @@ class Flotation:
         state = self.hydrostatics
         return min(state.metacentric_height, state.longitudinal_metacentric_height) > 0.0
 
+    def __repr__(self) -> str:
+        name = getattr(self, "body", "a body")
+        angles = (f"{math.degrees(a) + 0.0:.2f}°" for a in (self.trim, self.heel))
+        height = self.hydrostatics.metacentric_height
+        return "<{} afloat: draft {:.4g} m, trim {}, heel {}, GM {:.4g} m>".format(
+            name, self.draft, *angles, height
+        )
+
 
 class SinksError(MjskipError):
     """A body is heavier than the water it displaces when it is sunk."""
 
 
-MOST_ROUNDS = 500
+MAX_ROUNDS = 500
 STEEPEST = 0.2
 """Greatest turn in one round of the search [rad]."""
 NUDGE = 1e-3
@@ -221,9 +229,9 @@ def float_at_rest(
         )
     turn = np.eye(3) if rotation is None else np.array(rotation, np.float64)
     size = float(np.ptp(body.reshape(-1, 3), axis=0).max())
-    height, state = _let_down(body @ turn.T, volume, None)
+    height, state = _floating_height(body @ turn.T, volume, None)
     nudged = 0
-    for _ in range(MOST_ROUNDS):
+    for _ in range(MAX_ROUNDS):
         energy, moment, stiffness = _balance(state, height)
         values, axes = np.linalg.eigh(stiffness)
         still = np.linalg.norm(moment) < 1e-13 * volume * size
@@ -237,7 +245,7 @@ def float_at_rest(
             step *= min(1.0, STEEPEST / float(np.linalg.norm(step)))
         for _ in range(60):
             tried = _turned(step) @ turn
-            up, after = _let_down(body @ tried.T, volume, height)
+            up, after = _floating_height(body @ tried.T, volume, height)
             if still or _balance(after, up)[0] <= energy + 1e-15 * volume * size:
                 break
             step = 0.5 * step
@@ -248,7 +256,7 @@ def float_at_rest(
             break
     else:
         raise MjskipError(
-            f"no equilibrium found in {MOST_ROUNDS} rounds: begin from another attitude, rotation="
+            f"no equilibrium found in {MAX_ROUNDS} rounds: begin from another attitude, rotation="
         )
     return _flotation(body @ turn.T, turn, height)
 
@@ -275,7 +283,7 @@ def _flotation(turned: Array, turn: Array, height: float) -> Flotation:
     )
 
 
-def _let_down(turned: Array, volume: float, near: float | None) -> tuple[float, _Integrals]:
+def _floating_height(turned: Array, volume: float, near: float | None) -> tuple[float, _Integrals]:
     """Height of the centre of mass at which a turned body displaces a volume: Newton between bounds."""
     low, high = -float(turned[..., 2].max()), -float(turned[..., 2].min())
     height = 0.5 * (low + high) if near is None or not low < near < high else near

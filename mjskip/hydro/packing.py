@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from mjskip._typing import Array
 from mjskip.hydro import _block as layout
@@ -94,7 +92,7 @@ def block_of(header: Array, triangles: Array) -> Array:
         first = layout.HEADER + columns.size + groups.size
         places = first + np.cumsum([0, *sizes])
         header[layout.N_PLANES], header[layout.PLANES] = len(planes), first
-        header[layout.MOST_EDGES] = (max(sizes) - layout.OUTLINE) // layout.EDGE
+        header[layout.MAX_EDGES] = (max(sizes) - layout.OUTLINE) // layout.EDGE
         columns[:n, layout.PLANE] = places[plane_of]
     return _aligned(np.concatenate([header, columns.T.ravel(), groups.ravel(), *planes]))
 
@@ -112,6 +110,17 @@ def triangles_of(block: Array) -> Array:
     """The triangles (n, 3, 3) of a block, in its order."""
     columns = block[layout.HEADER :][: layout.AREA * int(block[layout.STRIDE])]
     return columns.reshape(layout.AREA, -1).T[: int(block[layout.N_FACES])].reshape(-1, 3, 3)
+
+
+def planes_of(block: Array) -> list[Array]:
+    """The plane faces of a block of a law that acts `forward`: normal (3), distance from the centre, number of edges
+    and the ends (6) of every edge of the outline, of each."""
+    found, at = [], int(block[layout.PLANES])
+    for _ in range(int(block[layout.N_PLANES])):
+        size = layout.OUTLINE + layout.EDGE * int(block[at + layout.EDGES])
+        found.append(block[at : at + size])
+        at += size
+    return found
 
 
 def _by_place(centroids: Array) -> npt.NDArray[np.intp]:
@@ -132,7 +141,7 @@ def _by_place(centroids: Array) -> npt.NDArray[np.intp]:
 
 
 def _box(points: Array) -> Array:
-    """Middle and half the sides (6,) of a box about points (n, 3), with a hair for rounding."""
+    """Middle and half the sides (6,) of a box about points (n, 3), with a margin for rounding."""
     low, high = points.min(axis=0), points.max(axis=0)
     return np.concatenate([0.5 * (low + high), 0.5 * (1.0 + 1e-9) * (high - low)])
 
@@ -180,6 +189,9 @@ def _planes(triangles: Array, vectors: Array) -> tuple[list[Array], npt.NDArray[
     shared = edge[found] == reverse
     one, other = triangle[shared], triangle[found[shared]]
     flat = np.linalg.norm(normals[one] - normals[other], axis=1) < SAME_PLANE
+    from scipy.sparse import coo_array  # scipy takes longer to import than MuJoCo
+    from scipy.sparse.csgraph import connected_components
+
     graph = coo_array((np.ones(flat.sum()), (one[flat], other[flat])), shape=(n, n))
     count, plane_of = connected_components(graph, directed=False)
 

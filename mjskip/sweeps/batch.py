@@ -11,7 +11,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
-from mjskip._typing import Array
+from mjskip._typing import Array, Integers
 from mjskip.checks import (
     check_choice,
     check_count,
@@ -66,8 +66,8 @@ class Outcomes:
         steps: time steps taken (n,).
     """
 
-    skips: npt.NDArray[np.int64]
-    touches: npt.NDArray[np.int64]
+    skips: Integers
+    touches: Integers
     end: npt.NDArray[np.str_]
     time: Array
     distance: Array
@@ -76,7 +76,7 @@ class Outcomes:
     first_entry: Array
     first_exit: Array
     exit_velocity: Array
-    steps: npt.NDArray[np.int64]
+    steps: Integers
 
     @property
     def exit_speed(self) -> Array:
@@ -234,7 +234,7 @@ def _body(stone: Stone, block: Array, place: int, gravity: Array, frozen: bool) 
 
 
 def _outcomes(out: Array) -> Outcomes:
-    def whole(column: int) -> npt.NDArray[np.int64]:
+    def whole(column: int) -> Integers:
         return out[:, column].astype(np.int64)
 
     return Outcomes(

@@ -11,17 +11,17 @@ from concurrent.futures import CancelledError
 from typing import Any
 
 from mjskip.errors import MjskipError
-from mjskip.sweeps.job import Job, run_chunk
+from mjskip.sweeps.job import Question, run_chunk
 
 Index = tuple[slice, ...]
 
-PATIENCE = 10.0
+TIMEOUT = 10.0
 """How long a scheduler may take to answer [s]."""
 
 
 def run_on_cluster(
     address: str,
-    job: Job,
+    job: Question,
     chunks: Sequence[Index],
     take: Callable[[Index, dict[str, Any]], None],
 ) -> None:
@@ -42,7 +42,7 @@ def run_on_cluster(
         raise MjskipError("a cluster needs packages more: pip install 'mjskip[sweep]'") from error
     cluster: Any = distributed  # untyped
     try:
-        client = cluster.Client(address, timeout=PATIENCE, set_as_default=False)
+        client = cluster.Client(address, timeout=TIMEOUT, set_as_default=False)
     except (TimeoutError, OSError, ValueError) as error:
         raise MjskipError(
             f"no Dask scheduler answers at {address} ({_line(error)}): start one with "
@@ -53,7 +53,9 @@ def run_on_cluster(
             take(index, found)
 
 
-def _results(cluster: Any, client: Any, address: str, job: Job, chunks: Sequence[Index]) -> Any:
+def _results(
+    cluster: Any, client: Any, address: str, job: Question, chunks: Sequence[Index]
+) -> Any:
     """Pairs of chunk and results, as they come."""
     try:
         # the job goes with every task: data kept on a worker would be lost with it

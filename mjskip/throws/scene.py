@@ -23,7 +23,7 @@ from mjskip.coupling.bodies import body_name, find_body, free_bodies
 from mjskip.coupling.loading import load_model
 from mjskip.coupling.plugin import NAME, plugin_settings, plugin_water
 from mjskip.coupling.terrain import ModelTerrain
-from mjskip.coupling.wet import THROWN, body_stone
+from mjskip.coupling.wet import THROWN_OPTIONS, body_stone
 from mjskip.errors import SceneError
 from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import SWITCHES as WATER_SWITCHES
@@ -94,8 +94,10 @@ class Scene:
         found = {}
         for name in self.throws:
             body = find_body(self.model, name)
-            told = plugin_settings(self.model, body)
-            options, geoms = (told.options, told.geoms) if told else (THROWN, None)
+            settings = plugin_settings(self.model, body)
+            options, geoms = (
+                (settings.options, settings.geoms) if settings else (THROWN_OPTIONS, None)
+            )
             found[name] = body_stone(self.model, body, options=options, geoms=geoms)
         return found
 
@@ -105,8 +107,14 @@ class Scene:
         return self.stones[self.body]
 
     def water_of(self, body: str) -> Water:
-        """The fluid about a body: its plugin's, or the scene's."""
-        return self.plugged.get(body, self.water)
+        """The fluid about a body: its plugin's, or the scene's.
+
+        Args:
+            body: its name.
+        """
+        return self.plugged.get(
+            check_type("body", body, str, "give the name of a body"), self.water
+        )
 
     def field(self) -> HeightField:
         """Fresh water of this scene: endless if its boundary absorbs, else between its walls or periodic.
@@ -127,6 +135,9 @@ class Scene:
         """This scene with other throw settings, SI and radians.
 
         The chosen body takes them all; the others keep what the scene gives to them alone.
+
+        Args:
+            changes: fields of `Throw`.
 
         Raises:
             ValueError: a value is out of range, or the body is thrown by a robot.
@@ -182,7 +193,7 @@ def load_scene(
             setting that is unknown or out of range.
         MeshError: a stone's mesh is not closed.
     """
-    file = _find(path)
+    file = find_scene(path)
     if body is not None:
         check_type("body", body, str, "give the name of a free body")
     model = load_model(file, sea=sea)
@@ -241,7 +252,22 @@ def _with_prefix(settings: Mapping[str, Any], prefix: str) -> dict[str, Any]:
     return {k.removeprefix(prefix): v for k, v in settings.items() if k.startswith(prefix)}
 
 
-def _find(path: PathLike) -> Path:
+def is_afloat(path: PathLike) -> bool:
+    """Whether nothing is thrown in a scene, by what its file says; False if it does not compile."""
+    try:
+        model = load_model(find_scene(path))
+    except SceneError:
+        return False
+    settings = (model.numeric(k) for k in range(model.nnumeric))
+    return any(one.name == PREFIX + AFLOAT and one.data[0] == 1.0 for one in settings)
+
+
+def find_scene(path: PathLike) -> Path:
+    """The file of a scene, or of a shipped one by its name.
+
+    Raises:
+        SceneError: there is none.
+    """
     file = check_path("scene", path)
     if file.is_file():
         return file

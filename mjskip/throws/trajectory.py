@@ -107,7 +107,7 @@ class Trajectory:
 
     Attributes:
         time: (n,) [s].
-        x: centre of mass (n, 3) [m].
+        position: centre of mass (n, 3) [m].
         q: body orientation (n, 4), w-x-y-z, body to world.
         P: momentum (n, 3) [kg m/s].
         L: angular momentum about the centre of mass (n, 3) [kg m^2/s].
@@ -126,11 +126,13 @@ class Trajectory:
         end: why it ended, one of `ENDS`.
         mass: [kg].
         attributes: provenance: scene, body, engine, integrator, timestep, throw, water, version.
+        qpos: MuJoCo's coordinates (n, nq) of a model that has more joints than those of its free bodies, or of
+            what floats; None otherwise; not in files.
         surface: the water as the run had it, shared by all of its stones, if it was recorded; not in files.
     """
 
     time: Array
-    x: Array
+    position: Array
     q: Array
     P: Array
     L: Array
@@ -148,6 +150,7 @@ class Trajectory:
     end: str
     mass: float
     attributes: dict[str, Any] = field(default_factory=dict)
+    qpos: Array | None = field(default=None, compare=False, repr=False)
     surface: SurfaceRecording | None = field(default=None, compare=False, repr=False)
 
     def __repr__(self) -> str:
@@ -161,7 +164,7 @@ class Trajectory:
     def potential_energy(self) -> Array:
         """-m g.x (n,) [J]; gravity from the attributes, or `GRAVITY` if they do not say."""
         gravity = np.asarray(self.attributes.get("gravity", GRAVITY), dtype=np.float64)
-        return -self.mass * (self.x @ gravity)
+        return -self.mass * (self.position @ gravity)
 
     @property
     def energy(self) -> Array:
@@ -210,6 +213,9 @@ class Trajectory:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write a NetCDF-4 file; it appears whole or not at all.
 
+        Args:
+            path: the file.
+
         Raises:
             MjskipError: the folder does not exist or cannot be written to.
         """
@@ -220,6 +226,9 @@ class Trajectory:
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Trajectory:
         """Read what `save` wrote.
+
+        Args:
+            path: the file.
 
         Raises:
             MjskipError: the file is missing or is not such a file.
@@ -280,19 +289,19 @@ def pose_at(run: Trajectory, time: float) -> tuple[Array, Array]:
     """Centre of mass (3,) [m] and orientation (4,) between two rows; held beyond the ends."""
     after = int(np.clip(np.searchsorted(run.time, time), 1, max(len(run.time) - 1, 1)))
     if len(run.time) == 1:
-        return run.x[0], run.q[0]
+        return run.position[0], run.q[0]
     earlier, later = run.time[after - 1], run.time[after]
     part = min(max((time - earlier) / (later - earlier), 0.0), 1.0) if later > earlier else 1.0
     before = run.q[after - 1]
     # q and -q are one attitude: blend the nearer pair
     beyond = run.q[after] * (1.0 if before @ run.q[after] >= 0.0 else -1.0)
     attitude = (1.0 - part) * before + part * beyond
-    position = (1.0 - part) * run.x[after - 1] + part * run.x[after]
+    position = (1.0 - part) * run.position[after - 1] + part * run.position[after]
     return position, attitude / np.linalg.norm(attitude)
 
 
 _SERIES: tuple[tuple[str, tuple[str, ...], str, str], ...] = (
-    ("x", ("axis",), "m", "centre of mass"),
+    ("position", ("axis",), "m", "centre of mass"),
     ("q", ("part",), "1", "orientation, body to world"),
     ("P", ("axis",), "kg m s-1", "momentum"),
     ("L", ("axis",), "kg m2 s-1", "angular momentum about the centre of mass"),

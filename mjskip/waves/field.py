@@ -4,25 +4,24 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 import numpy.typing as npt
 
-from mjskip._typing import Array, PathLike
+from mjskip._typing import Array, Flags, PathLike, SingleArray
 from mjskip.checks import (
+    check_array,
     check_choice,
     check_count,
     check_number,
-    check_path,
     check_positive,
     check_vector,
     fault,
 )
+from mjskip.files import reading, whole_file
 from mjskip.waves import _block_kernels as kernels
-from mjskip.waves._cells import CellBlocks, TerrainMask, checked_shape, finite_array
+from mjskip.waves._cells import CellBlocks, TerrainMask, checked_shape
 from mjskip.waves._stencil import (
     BOUNDARIES,
     COURANT_LIMITS,
@@ -35,7 +34,9 @@ from mjskip.waves._stencil import (
     paper_limit,
     steps_for,
 )
-from mjskip.waves.grid import Block, SurfaceArray, WaveGrid
+from mjskip.waves.grid import Block, WaveGrid
+
+MAX_THREADS = 1024
 
 LARGEST = float(np.finfo(np.float32).max)
 
@@ -125,13 +126,13 @@ class HeightField(CellBlocks):
         self.stencil: Stencil = check_choice("stencil", stencil, STENCILS)
         self.boundary: str = check_choice("boundary", boundary, BOUNDARIES)
         if threads is not None:
-            threads = check_count("threads", threads)
+            threads = check_count("threads", threads, high=MAX_THREADS)
         self._describe(spacing, wave_speed, damping, centre, sleep_amplitude)
         if boundary == "absorb" and self.sleep_amplitude > 0.0:
             raise ValueError(
                 "an absorbing field does not sleep: leave sleep_amplitude at 0, or use HeightField.endless()"
             )
-        self.terrain_mask: npt.NDArray[np.bool_] | TerrainMask | None = None
+        self.terrain_mask: Flags | TerrainMask | None = None
         if terrain_mask is not None:
             self.terrain_mask = self._checked_mask(terrain_mask)
         self._make_grid(threads)
@@ -183,9 +184,16 @@ class HeightField(CellBlocks):
         self.centre: tuple[float, float] = (x, y)
         self.sleep_amplitude = check_number("sleep_amplitude", sleep_amplitude, low=0.0, unit="m")
 
-    def _checked_mask(self, given: npt.ArrayLike | TerrainMask) -> npt.NDArray[np.bool_]:
+    def _checked_mask(self, given: npt.ArrayLike | TerrainMask) -> Flags:
         assert self.shape is not None
-        mask = np.array(given(self.x, self.y) if callable(given) else given, np.bool_)
+        try:
+            mask = np.array(given(self.x, self.y) if callable(given) else given, np.bool_)
+        except TypeError as error:
+            raise fault(
+                "terrain_mask",
+                given,
+                "give an array, or a function of x (nx,) and y (ny,) that returns it",
+            ) from error
         if mask.shape != self.shape:
             raise ValueError(f"terrain_mask has shape {mask.shape}: give the field's, {self.shape}")
         if mask.all():
@@ -221,12 +229,12 @@ class HeightField(CellBlocks):
         return self._positions(1, j, ny)
 
     @property
-    def elevation(self) -> SurfaceArray:
+    def elevation(self) -> SingleArray:
         """(nx, ny) [m], not to be written to: ask again after a step; `set` changes it."""
         return self._whole(0)
 
     @property
-    def velocity(self) -> SurfaceArray:
+    def velocity(self) -> SingleArray:
         """(nx, ny) vertical speed [m/s] from the last two levels: half a step behind."""
         if self.grid.last_timestep == 0.0:
             return np.zeros(self._extent()[1], np.float32)
@@ -277,7 +285,7 @@ class HeightField(CellBlocks):
             ValueError: a coordinate is no finite number.
         """
         points_x, points_y = np.broadcast_arrays(
-            np.atleast_1d(finite_array("x", x)), np.atleast_1d(finite_array("y", y))
+            np.atleast_1d(check_array("x", x)), np.atleast_1d(check_array("y", y))
         )
         at = np.column_stack(self._in_cells(points_x.ravel(), points_y.ravel()))
         out = np.empty((len(at), 4))
@@ -289,7 +297,7 @@ class HeightField(CellBlocks):
 
     def window(
         self, x: float, y: float, shape: tuple[int, int]
-    ) -> tuple[SurfaceArray, Array, Array]:
+    ) -> tuple[SingleArray, Array, Array]:
         """A copy of the elevation around a point, still water outside the walls.
 
         Args:
@@ -299,6 +307,8 @@ class HeightField(CellBlocks):
         Returns:
             Elevation (nx, ny) [m] and the positions of its cells along x (nx,) and y (ny,) [m].
         """
+        x, y = check_number("x", x, unit="m"), check_number("y", y, unit="m")
+        shape = checked_shape(shape, low=1)
         places = self._in_cells(x, y)
         i, j = (
             self._whole_cell(float(p) - (n - 1) / 2) - self._margin
@@ -387,7 +397,7 @@ class HeightField(CellBlocks):
         Raises:
             ValueError: a value is no finite number, or a shape does not fit.
         """
-        z, v = finite_array("elevation", elevation), finite_array("vertical_speed", vertical_speed)
+        z, v = check_array("elevation", elevation), check_array("vertical_speed", vertical_speed)
         shape = self.shape or z.shape
         if len(shape) != 2:
             raise fault("elevation", elevation, "give an array (nx, ny) for endless water")
@@ -416,20 +426,26 @@ class HeightField(CellBlocks):
     # Time ---------------------------------------------------------------------------------------
 
     def step(self, timestep: float) -> None:
-        """Advance by one step [s].
+        """Advance by one step.
+
+        Args:
+            timestep: of the step [s].
 
         Raises:
             ValueError: the step is not a positive number, larger than `max_timestep`, or lost in rounding.
             MjskipError: the tiles that move no longer fit into memory.
         """
-        if not is_ordinary_step(timestep, self.max_timestep):
+        if not (isinstance(timestep, float) and is_ordinary_step(timestep, self.max_timestep)):
             checked_step(timestep, self.max_timestep, self.paper_max_timestep)
         self.grid.step(timestep, self._loads)
         self.time += timestep
         self._loads.clear()
 
     def advance(self, duration: float) -> int:
-        """Advance by a duration [s] in equal stable steps, loads acting through all of them.
+        """Advance in equal stable steps, loads acting through all of them.
+
+        Args:
+            duration: [s].
 
         Returns:
             Number of steps made.
@@ -438,6 +454,7 @@ class HeightField(CellBlocks):
             ValueError: the duration is negative, not finite, or more than ten thousand million steps.
             MjskipError: the tiles that move no longer fit into memory.
         """
+        duration = check_number("duration", duration, low=0.0, unit="s")
         steps = steps_for(duration, self.max_timestep)
         begun, left = self.time, steps
         while left:
@@ -453,6 +470,12 @@ class HeightField(CellBlocks):
         """Write settings and state to a NumPy archive; `load` goes on from there to the last bit.
 
         Loads that wait for the next step are not kept, nor is a terrain mask that is a function.
+
+        Args:
+            path: the file; it appears whole or not at all.
+
+        Raises:
+            MjskipError: the folder does not exist or cannot be written to, or the disk is full.
         """
         names = (
             "spacing",
@@ -468,7 +491,7 @@ class HeightField(CellBlocks):
         mask = self.terrain_mask
         if mask is not None:
             settings["terrain_mask"] = np.empty(0) if callable(mask) else mask
-        with check_path("path", path).open("wb") as file:
+        with whole_file(path) as part, part.open("wb") as file:
             np.savez(file, shape=self.shape or (), **settings, **self.grid.state())  # type: ignore[arg-type]
 
     @classmethod
@@ -480,13 +503,11 @@ class HeightField(CellBlocks):
             terrain_mask: the function that the water was made with, if it was one.
 
         Raises:
-            ValueError: the file is not there or is no water surface.
+            MjskipError: the file is not there or is no water surface.
         """
-        try:
-            with (
-                Path(check_path("path", path)).open("rb") as file,
-                np.load(file, allow_pickle=False) as archive,
-            ):
+        with reading(path, what="a water surface", writer="HeightField.save"):
+            # opened here: np.load leaves a file open that is no archive
+            with open(path, "rb") as file, np.load(file, allow_pickle=False) as archive:
                 stored = {name: archive[name] for name in archive.files}
             numbers: dict[str, Any] = {
                 name: float(stored[name])
@@ -506,8 +527,4 @@ class HeightField(CellBlocks):
                 )  # fmt: skip
             field.grid.restore(stored)
             field.time = float(stored["time"])
-        except (OSError, KeyError, TypeError, ValueError, EOFError, BadZipFile) as problem:
-            raise ValueError(
-                f"{path} holds no water surface ({problem}): give a file that HeightField.save wrote"
-            ) from problem
         return field
