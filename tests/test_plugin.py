@@ -16,8 +16,9 @@ from mujoco import batch, rollout
 
 from mjskip import Water, attach, register_plugin, wrench
 from mjskip.coupling import _struct_layout as layout
+from mjskip.coupling import _table_kernels
 from mjskip.coupling import plugin as plugin_module
-from mjskip.coupling.plugin import plugin_water
+from mjskip.coupling.plugin_keys import plugin_water
 from mjskip.coupling.wet import body_stone
 from mjskip.errors import MjskipError, SceneError
 
@@ -351,9 +352,9 @@ def test_the_water_of_a_body_can_be_asked_for():
 
 
 def test_registering_again_changes_nothing():
-    slot = plugin_module._slot()
+    slot = plugin_module.plugin_slot()
     register_plugin()
-    assert plugin_module._slot() == slot >= 0
+    assert plugin_module.plugin_slot() == slot >= 0
 
 
 def test_a_force_that_is_not_finite_is_a_counted_warning_and_no_force():
@@ -550,8 +551,8 @@ def test_thousands_of_stones_are_found_again_and_the_older_half_is_forgotten(mon
         def __init__(self, key):
             self.record, self.nbytes = np.full(15, float(key)), 120
 
-    records = plugin_module._Records.__new__(plugin_module._Records)
-    monkeypatch.setattr(plugin_module._Records, "KEPT_BYTES", 120 * 4000)
+    records = plugin_module.Records.__new__(plugin_module.Records)
+    monkeypatch.setattr(plugin_module.Records, "KEPT_BYTES", 120 * 4000)
     root = plugin_module.kernels.root.copy()
     try:
         records.__init__()
@@ -559,16 +560,16 @@ def test_thousands_of_stones_are_found_again_and_the_older_half_is_forgotten(mon
         for key in np.random.default_rng(1).integers(2, 2**62, 4000).tolist():
             made[key] = Kept(key)
             records.add(key, made[key])
-        look_up = plugin_module.kernels._look_up.py_func
-        monkeypatch.setattr(plugin_module.kernels, "as_words", lambda _: records.table)
+        look_up = _table_kernels.look_up.py_func
+        monkeypatch.setattr(_table_kernels, "as_words", lambda _: records.table)
         for key, kept in made.items():
-            assert look_up(plugin_module.kernels.root, key) == kept.record.ctypes.data
-        assert look_up(plugin_module.kernels.root, 2**62 + 1) == -1
+            assert look_up(0, key, -1) == kept.record.ctypes.data
+        assert look_up(0, 2**62 + 1, -1) == -1
         records.add(7, Kept(7))
         records.add(8, Kept(8))
         assert list(records.made) == [*list(made)[2000:], 7, 8][-len(records.made) :]
         assert len(records.made) in (2001, 2002)
-        assert look_up(plugin_module.kernels.root, next(iter(made))) == -1
+        assert look_up(0, next(iter(made)), -1) == -1
     finally:
         plugin_module.kernels.root[:] = root
 

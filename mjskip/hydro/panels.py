@@ -10,6 +10,7 @@ import numpy as np
 
 from mjskip._typing import Array
 from mjskip.errors import MeshError
+from mjskip.hydro._coupling_tables import PlaneWaves, plane_waves
 from mjskip.hydro._panel_kernels import influence
 
 PANELS = 160
@@ -90,6 +91,19 @@ class WettedHull:
     def radius(self) -> float:
         """Largest horizontal distance of a wetted point from the centre of mass [m]."""
         return float(np.linalg.norm(self.triangles[..., :2] - self.centre, axis=-1).max())
+
+    @cached_property
+    def panel_size(self) -> float:
+        """Mean side of a panel: of the square of twice its area [m]."""
+        return math.sqrt(2.0 * float(self.areas.mean()))
+
+    def moved(self, by: Array) -> WettedHull:
+        """The same elsewhere, by (2,) [m]."""
+        return WettedHull(
+            triangles=self.triangles + np.array([*by, 0.0]),
+            height=self.height,
+            centre=self.centre + by,
+        )
 
     def moments(self) -> tuple[float, Array, Array]:
         """Waterplane area [m^2], its first (2,) [m^3] and second (2, 2) [m^4] moments about the centre."""
@@ -259,6 +273,12 @@ class Influence:
     potential: Array
     velocity: Array
     depth: float
+
+    def plane_waves(self, k: float, directions: Array) -> PlaneWaves:
+        """Plane waves of wavenumber k [1/m] in these directions (m,) [rad] at the panels."""
+        return plane_waves(
+            self.points, self.normals, self.areas, k=k, directions=directions, depth=self.depth
+        )
 
     @cached_property
     def motions(self) -> Array:
