@@ -380,8 +380,22 @@ def test_a_sea_that_bodies_float_in_is_drawn_with_its_height():
 
     patch = patch_of(Swell(), focus=(3.04, 0.0), data=0.5)
     x = patch.origin[0] + patch.spacing * np.arange(len(patch.elevation))
-    np.testing.assert_allclose(patch.elevation[:, 7], 0.1 * np.sin(x - 0.5), atol=1e-6)
+    inside = np.abs(x - 3.0) < 10.0
+    row = patch.elevation[:, 160]
+    np.testing.assert_allclose(row[inside], 0.1 * np.sin(x - 0.5)[inside], atol=1e-6)
+    assert np.abs(row[[0, -1]]).max() == 0.0  # it fades: there is no step at its edge
+    assert np.abs(np.diff(row)).max() < 0.012
+    far = patch_of(Swell(), data=0.5, distance=40.0)
+    assert far.spacing == pytest.approx(0.4)
     assert np.abs(patch_of(Swell()).elevation).max() == 0.0  # without data it is nobody's
+
+
+def test_a_picture_larger_than_the_models_buffer_is_refused_with_the_remedy():
+    model = mujoco.MjModel.from_xml_string("<mujoco/>")
+    with pytest.raises(
+        ValueError, match=r'1920 x 1080 pixels.*<global offwidth="1920" offheight="1080"'
+    ):
+        mjskip.Renderer(model, 1080, 1920)
 
 
 def test_moving_water_that_a_model_brings_is_drawn_without_being_named():

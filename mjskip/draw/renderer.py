@@ -93,6 +93,12 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
             ValueError: the picture is larger than the model's offscreen buffer, or the water is none.
             RenderError: no context can be made here, or it does not know GLSL 3.30.
         """
+        room = model.vis.global_
+        if width > room.offwidth or height > room.offheight:
+            raise ValueError(
+                f"the picture is {width} x {height} pixels and the model's offscreen buffer {room.offwidth} x "
+                f'{room.offheight}: give the model <visual><global offwidth="{width}" offheight="{height}"/></visual>'
+            )
         self._gl_context: Any = None  # both are the base class's, and what `close` looks for
         self._mjr_context: Any = None
         self._passes: WaterPasses | None = None
@@ -291,11 +297,11 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         hidden, *special = (tiles.overlap(boxes, other) for other in others)
         return tiles.programs(water, whole, hidden, waves, *special)
 
-    def _patch(self, focus: tuple[float, float]) -> Patch:
+    def _patch(self, focus: tuple[float, float], distance: float = 0.0) -> Patch:
         """What is drawn of the water now."""
         return patch_of(
             self._brought if self.water is None else self.water, focus=focus, time=self._time, spacing=self._spacing, centre=self._centre,
-            data=self._data,
+            data=self._data, distance=distance,
         )  # fmt: skip
 
     def _draw_static(self, data: mujoco.MjData, passes: WaterPasses) -> None:
@@ -318,8 +324,8 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         """Hand the surface over, and fill in `water.glsl`'s View."""
         view = np.zeros((VIEW_ROWS, 4), np.float32)
         position, ahead = self._camera_rows(view)
-        focus = _looked_at(position, ahead)
-        patch = self._patch(focus)
+        focus, distance = _looked_at(position, ahead)
+        patch = self._patch(focus, distance)
         self._surface.fill(patch, blur=0.1 * self._depth)
         passes.put_surface(self._surface)
         # outer edge of the first cell
@@ -366,11 +372,11 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         return position, ahead
 
 
-def _looked_at(position: Array, ahead: Array) -> tuple[float, float]:
-    """Where a camera looks at the water (x, y) [m], not far from it."""
+def _looked_at(position: Array, ahead: Array) -> tuple[tuple[float, float], float]:
+    """Where a camera looks at the water (x, y), not far from it, and how far away what it looks at may be [m]."""
     away = -position[2] / ahead[2] if ahead[2] * position[2] < 0.0 else 3.0
     x, y, _ = position + min(away, 5.0) * ahead
-    return float(x), float(y)
+    return (float(x), float(y)), float(min(away, 5.0 * abs(position[2]) + 5.0))
 
 
 def _height_at(patch: Patch, position: Array) -> float:
