@@ -21,6 +21,10 @@ FARTHEST = 1e9
 """Places farther than this from the first cell, in cells, cannot be told apart there: they are refused."""
 
 
+MAX_BLOCK = 1 << 26
+"""Cells of one load or one copy of a part of the surface: 256 MiB."""
+
+
 class CellBlocks:
     """Cells of a rectangle of water, or of water without an end, by their places and in blocks.
 
@@ -155,6 +159,9 @@ class CellBlocks:
         None if the load is all outside.
         """
         x, y = check_number("x", x, unit="m"), check_number("y", y, unit="m")
+        largest = 0.25 * math.sqrt(MAX_BLOCK) * self.spacing
+        if radius > largest:
+            raise fault("radius", radius, f"give at most {largest:g} m on cells of this spacing")
         reach = reach_of(radius, self.spacing)
         p, q = (float(at) for at in self._in_cells(x, y))
         margin = self._margin

@@ -21,7 +21,7 @@ from mjskip.checks import (
 )
 from mjskip.files import reading, whole_file
 from mjskip.waves import _block_kernels as kernels
-from mjskip.waves._cells import CellBlocks, TerrainMask, checked_shape
+from mjskip.waves._cells import MAX_BLOCK, CellBlocks, TerrainMask, checked_shape
 from mjskip.waves._stencil import (
     BOUNDARIES,
     COURANT_LIMITS,
@@ -309,6 +309,8 @@ class HeightField(CellBlocks):
         """
         x, y = check_number("x", x, unit="m"), check_number("y", y, unit="m")
         shape = checked_shape(shape, low=1)
+        if shape[0] * shape[1] > MAX_BLOCK:
+            raise fault("shape", shape, f"give at most {MAX_BLOCK} cells")
         places = self._in_cells(x, y)
         i, j = (
             self._whole_cell(float(p) - (n - 1) / 2) - self._margin
