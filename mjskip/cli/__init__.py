@@ -65,6 +65,16 @@ def main(arguments: list[str] | None = None) -> None:
         code = _fail(str(error), 1)
     except (MjskipError, ValueError) as error:
         code = _fail(" ".join(str(error).split()), 2)
+    except BrokenPipeError:  # whoever read our output has gone
+        sys.stdout = None  # type: ignore[assignment]
+        code = 141
+    except OSError as error:
+        where = f" ({error.filename})" if error.filename else ""
+        code = _fail(f"{error.strerror or error}{where}: the system refuses a file or a resource", 2)
+    except (MemoryError, ImportError) as error:
+        kind = "out of memory" if isinstance(error, MemoryError) else "a library cannot be loaded"
+        text = " ".join(str(error).split())
+        code = _fail(f"{kind}{f' ({text})' if text else ''}: ask for less, or free memory", 2)
     sys.exit(code or 0)
 
 
