@@ -51,6 +51,23 @@ def test_water_bears_the_weight_of_what_is_displaced_at_its_centroid(stone, seed
     )
 
 
+def test_a_mesh_of_many_groups_is_borne_as_one_of_few():
+    stone = Stone.from_mesh(
+        trimesh.creation.torus(0.08, 0.03, major_sections=48, minor_sections=32)
+    )
+    rng = np.random.default_rng(5)
+    scale = WEIGHT * stone.radius**3
+    for height in np.linspace(-1.1, 1.0, 12) * stone.radius:  # the first by Archimedes' closed form
+        q = rng.normal(size=4)
+        q /= np.linalg.norm(q)
+        found = wrench(stone, STILL, position=[0.3, -0.2, height], q=q)
+        volume, centroid = immersed_solid(stone, np.array([0.3, -0.2, height]), q)
+        lift = np.array([0.0, 0.0, WEIGHT * volume])
+        np.testing.assert_allclose(found.force, lift, atol=1e-9 * scale)
+        torque = np.cross(centroid, lift)
+        np.testing.assert_allclose(found.torque, torque, atol=1e-9 * scale * stone.radius)
+
+
 @given(meshes.map(Stone.from_mesh), st.integers(0, 10**6))
 def test_on_what_is_quite_under_water_only_the_volume_counts(stone, seed):
     q = np.random.default_rng(seed).normal(size=4)

@@ -9,9 +9,12 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
 from mjskip import Stone, Water, wrench
-from mjskip.hydro._wrench_kernels import immersed_part
+from mjskip._compile.vector import log10
+from mjskip.hydro._clip_kernels import immersed_part
 from mjskip.hydro.laws import LAWS
 from mjskip.hydro.water import GATES
+from mjskip.hydro.wrench import pack, wrench_and_immersion
+from mjskip.rigid.state import pack_states
 
 waters = st.builds(Water, gate=st.sampled_from(GATES), law=st.sampled_from(list(LAWS)))
 centred = st.builds(  # laws whose load acts at the centroid: a strip that begins at the front does not split
@@ -94,6 +97,38 @@ def test_each_law_and_gate_by_its_twin_on_the_pebble(law, gate):
         }
         water = Water(law=law, gate=gate)
         assert_same_wrench(PEBBLE, water, motion, twin(PEBBLE, water, **motion))
+
+
+FINE = Stone.from_mesh(trimesh.creation.torus(0.08, 0.03, major_sections=48, minor_sections=32))
+"""Many groups of faces (3072), not convex."""
+
+
+@given(motions(), waters)
+def test_a_mesh_of_many_groups_agrees_with_its_twin(motion, water):
+    # all, some and none of the groups wet
+    for height in (-0.5, -0.05, 0.0, 0.02):
+        at = motion | {"position": np.array([0.0, 0.0, height])}
+        assert_same_wrench(FINE, water, at, twin(FINE, water, **at))
+
+
+@given(stones, motions(), st.integers(0, 17))
+def test_what_is_not_a_number_reaches_the_wrench(stone, motion, place):
+    # a comparison with it holds for no face: without care a lost state would feel no force at all
+    position = motion["position"] * [1.0, 1.0, 0.0]
+    state = pack_states(
+        position[None], rotation(motion["q"])[None], motion["velocity"][None], motion["omega"][None]
+    )
+    state[0, place] = np.nan
+    found = wrench_and_immersion(pack(stone, Water()), state)[0, :6]
+    assert np.isnan(found).any() == (
+        place not in (0, 1)
+    )  # where it is over still water is no matter
+
+
+def test_the_logarithm_of_the_kernels_is_that_of_the_library():
+    x = np.concatenate([np.geomspace(1.0, 1e300, 5001), np.linspace(1.0, 3.0, 5001)])
+    found = np.array([log10(v) for v in x])
+    np.testing.assert_allclose(found, np.log10(x), rtol=5e-16, atol=2e-16)
 
 
 def test_one_face_feels_density_times_normal_speed_squared_times_area():

@@ -15,7 +15,7 @@ from scipy.fft import dctn
 
 from mjskip import Limits, Stone, Throw, Water, load_scene, simulate
 from mjskip.errors import MjskipWarning
-from mjskip.hydro import _wrench_kernels as kernels
+from mjskip.hydro import _block as kernels
 from mjskip.hydro.wrench import pack, wrench_and_immersion
 from mjskip.rigid.attitude import matrices
 from mjskip.rigid.state import pack_states
@@ -207,12 +207,16 @@ def packed(motion, *, lift=0.0, rise=0.0):
 
 
 @given(stones, motions(), st.sampled_from(WATERS))
-def test_a_patch_of_level_water_is_still_water_to_the_last_bit(stone, motion, water):
+def test_a_patch_of_level_water_is_still_water(stone, motion, water):
     block, (patch, address) = pack(stone, water), flat_patch(81)
     states = packed(motion)
     still = wrench_and_immersion(block, states)
     block[kernels.SURFACE] = address
-    np.testing.assert_array_equal(wrench_and_immersion(block, states), still)
+    # the same faces in another order: rounding of sums, in which opposite faces nearly cancel
+    scale = 1.0 + 1e3 * stone.radius**2 * np.linalg.norm(motion["velocity"]) ** 2
+    scale += 1e3 * stone.radius**4 * np.linalg.norm(motion["omega"]) ** 2
+    found = wrench_and_immersion(block, states)
+    np.testing.assert_allclose(found, still, rtol=1e-12, atol=1e-13 * scale)
     assert patch.size  # alive until here
 
 
@@ -450,7 +454,7 @@ def test_many_throws_of_three_stones_leave_the_mean_level_and_the_memory_as_they
 def test_a_stone_that_its_own_dent_has_driven_is_doubted(lake):
     throw = Throw.from_degrees(speed=12, spin=15, attack=30, descent=12, height=0.3)
     with pytest.warns(
-        MjskipWarning, match=r"times the energy of its release at 1\.\d+ s: its own dent"
+        MjskipWarning, match=r"times the energy of its release at \d\.\d+ s: its own dent"
     ):
         simulate(lake, throw, surface="waves", own_dent=True)
     with warnings.catch_warnings():

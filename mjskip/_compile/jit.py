@@ -26,6 +26,20 @@ def kernel(function: F) -> F:
     return _compile(function, OPTIONS)
 
 
+VECTOR = frozenset({"contract", "reassoc", "nsz"})
+"""Sums in any order, so that loops run in vector registers; infinities and not-a-number keep their meaning."""
+
+
+def inlined(function: F) -> F:
+    """The same for a part of kernels that is smaller than what a call of it costs."""
+    return _compile(function, {**OPTIONS, "forceinline": True})
+
+
+def vector_kernel(function: F) -> F:
+    """The same for sums over many faces, in any order."""
+    return _compile(function, {**OPTIONS, "fastmath": set(VECTOR)})
+
+
 def picture_kernel(function: F) -> F:
     """The same for the optics of a picture, with `LOOSE` sums and roots."""
     return _compile(function, {**OPTIONS, "fastmath": set(LOOSE)})

@@ -42,6 +42,16 @@ def address_of(typingctx: Any, array: Any) -> Any:
 
 
 @intrinsic
+def place_of(typingctx: Any, doubles: Any, index: Any) -> Any:
+    """The doubles from an index on, of those behind a pointer."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.gep(args[0], [args[1]])
+
+    return F8P(F8P, types.int64), codegen
+
+
+@intrinsic
 def call_address(typingctx: Any, function: Any, first: Any, second: Any, third: Any) -> Any:
     """Call void(double*, double*, double*) at an address, with three addresses."""
 

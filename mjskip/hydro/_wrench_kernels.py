@@ -1,151 +1,80 @@
 """Water and air on one rigid body: equations (1)-(4) of Lee & Baek (2010).
 
-A body is a *block* of doubles: a header (the constants below) and then, for every triangle, corners
-(9), outward unit normal (3) and area (1) in body axes about the centre of mass. A *state* is centre of
-mass (3), rotation body to world row by row (9), velocity (3) and angular velocity (3) in the world.
-Everything is worked out in body axes, where the mesh is constant and still water is a tilted plane, and
-the sums are turned to the world once.
+A body is a *block* of doubles (`_block`). A *state* is centre of mass (3), rotation body to world row by row
+(9), velocity (3) and angular velocity (3) in the world. Everything is worked out in body axes, where the mesh
+is constant and still water is a tilted plane, and the sums are turned to the world once.
 
 Right-handed frame: V = V_c + omega x r and torque = r x F (the paper's left-handed omega and torque
 are both turned round).
 
-The surface is still water at z = 0, or a *patch* of doubles: x and y of its first point, points per metre,
-points along x and y, greatest |elevation|, then elevations and then vertical speeds (x first), bilinear.
-Outside the patch the water is still. The address of a body's patch is in its block's header.
+The surface is still water at z = 0, or a *patch* (`_patch_kernels`) whose address is in the block's header.
+Over still water the faces that are quite under it are loaded straight from the block; those that the surface
+cuts are few, and their wet pieces are put into columns of their own.
 """
 
 import math
 from typing import Any
 
-import numba
 import numpy as np
 
-from mjskip._compile.jit import kernel
-from mjskip._compile.pointers import as_doubles, bits
+from mjskip._compile.jit import inlined, kernel, vector_kernel
+from mjskip._compile.pointers import (
+    address_of,
+    as_doubles,
+    as_words,
+    call_address,
+    place_of,
+    stack_doubles,
+)
+from mjskip._compile.vector import select
+from mjskip.hydro._block import (
+    AIR_DENSITY,
+    AREA,
+    ARM,
+    CENTROID,
+    COLUMNS,
+    DISC_AREA,
+    DISC_CENTRE,
+    DISC_NORMAL,
+    FACES,
+    FORWARD,
+    GROUP,
+    HEADER,
+    HEIGHT,
+    LOCAL_GATE,
+    MOTION,
+    N_FACES,
+    NORMAL,
+    OMEGA,
+    PATCH_HIGHEST,
+    PIECE,
+    RADIUS,
+    RISE,
+    RISING,
+    SKIN_DENSITY,
+    SPHERE,
+    STRIDE,
+    UP,
+    VELOCITY,
+    VOLUME,
+    VOLUME_CENTRE,
+    WEIGHT_DENSITY,
+    WIDTH,
+)
+from mjskip.hydro._clip_kernels import column, immersed_part
+from mjskip.hydro._load_kernels import add_buoyancy, add_law, add_skin_friction, add_sums
+from mjskip.hydro._patch_kernels import patch_of, surface_at
 from mjskip.hydro.columns import WRENCH
 
-# header of a block
-N_TRIANGLES = 0
-RADIUS = 1  # of the sphere about the centre of mass that holds the body [m]
-LOCAL_GATE = 2  # 1: faces that advance themselves, 0: faces turned to the motion of the centre
-NORMAL_SQUARED = 3  # rho times the law's coefficients [kg/m^3]
-SPEED_NORMAL = 4
-SPEED_SQUARED = 5
-FRICTION = 6
-AIR_DENSITY = 7
-DISC_AREA = 8
-DISC_NORMAL = 9
-DISC_CENTRE = 12
-SURFACE = 15  # address of the patch around the body, as the bits of a double; 0: still water
-WEIGHT_DENSITY = 16  # rho g if the water bears [N/m^3], or 0
-SKIN_DENSITY = 17  # rho if the water rubs, or 0
-VISCOSITY = 18  # kinematic [m^2/s]
-LENGTH = 19  # of the body along the flow, for its Reynolds number [m]
-FORWARD = 20  # 1: the load of a face acts ahead of the middle of its wet part, by Rayleigh
-HEADER = 21
+RUN = 256
+"""Faces that are looked at together: groups on the same side of the surface."""
 
-CORNERS = 0
-NORMAL = 9
-AREA = 12
-ROW = 13  # doubles for one triangle
-
-PATCH_X = 0
-PATCH_Y = 1
-PATCH_RATE = 2
-PATCH_NX = 3
-PATCH_NY = 4
-PATCH_HIGHEST = 5
-PATCH_POINTS = 6
+PIECES = 520
+"""Room for wet pieces; columns a multiple of 4096 bytes apart would share their places in the cache."""
 
 
 @kernel
-def immersed_part(
-    ax: float, ay: float, az: float, ha: float,
-    bx: float, by: float, bz: float, hb: float,
-    cx: float, cy: float, cz: float, hc: float,
-) -> tuple[float, float, float, float]:  # fmt: skip
-    """Fraction of a triangle's area that lies below the surface, and the centroid of that part.
-
-    Args:
-        ax: first corner, and so on.
-        ha: its height above the surface, negative below; heights vary linearly over the triangle.
-
-    The immersed polygon is a triangle or a quadrangle. A quadrangle is taken as two triangles with
-    positive weights, so that nothing cancels however thin it is.
-    """
-    below = int(ha < 0.0) + int(hb < 0.0) + int(hc < 0.0)
-    third = 1.0 / 3.0
-    if below == 3:
-        return 1.0, (ax + bx + cx) * third, (ay + by + cy) * third, (az + bz + cz) * third
-    if below == 0:
-        return 0.0, 0.0, 0.0, 0.0
-    # turn the triangle so that the odd corner (the only wet or the only dry one) is a
-    if (hb < 0.0) == (below == 1):
-        ax, ay, az, ha, bx, by, bz, hb, cx, cy, cz, hc = bx, by, bz, hb, cx, cy, cz, hc, ax, ay, az, ha  # fmt: skip
-    elif (hc < 0.0) == (below == 1):
-        ax, ay, az, ha, bx, by, bz, hb, cx, cy, cz, hc = cx, cy, cz, hc, ax, ay, az, ha, bx, by, bz, hb  # fmt: skip
-    if below == 1:  # a wet: the triangle a, a + s (b - a), a + t (c - a)
-        s = ha / (ha - hb)
-        t = ha / (ha - hc)
-        return (
-            s * t,
-            ax + (s * (bx - ax) + t * (cx - ax)) * third,
-            ay + (s * (by - ay) + t * (cy - ay)) * third,
-            az + (s * (bz - az) + t * (cz - az)) * third,
-        )
-    # a dry: the quadrangle b, c, p on ca, q on ab; split along b-p
-    u = hc / (hc - ha)
-    w = hb / (hb - ha)
-    px, py, pz = cx + u * (ax - cx), cy + u * (ay - cy), cz + u * (az - cz)
-    qx, qy, qz = bx + w * (ax - bx), by + w * (ay - by), bz + w * (az - bz)
-    first = u  # area of b, c, p
-    second = (1.0 - u) * w  # area of b, p, q
-    total = first + second
-    first *= third / total
-    second *= third / total
-    return (
-        total,
-        first * (bx + cx + px) + second * (bx + px + qx),
-        first * (by + cy + py) + second * (by + py + qy),
-        first * (bz + cz + pz) + second * (bz + pz + qz),
-    )
-
-
-@kernel
-def _patch_of(block: Any) -> Any:
-    """The patch of surface around a body; empty if the water is still."""
-    address = bits(block[SURFACE])
-    if address == 0:
-        return numba.carray(as_doubles(address), 0)
-    head = numba.carray(as_doubles(address), PATCH_POINTS)
-    size = PATCH_POINTS + 2 * int(head[PATCH_NX]) * int(head[PATCH_NY])
-    return numba.carray(as_doubles(address), size)
-
-
-@kernel
-def _surface(patch: Any, state: Any, x: float, y: float, z: float, speed: int) -> float:
-    """Elevation (speed 0) or vertical speed (1) of the surface at a point of the body, body axes."""
-    nx, ny = int(patch[PATCH_NX]), int(patch[PATCH_NY])
-    east = (state[0] + state[3] * x + state[4] * y + state[5] * z - patch[PATCH_X]) * patch[
-        PATCH_RATE
-    ]
-    north = (state[1] + state[6] * x + state[7] * y + state[8] * z - patch[PATCH_Y]) * patch[
-        PATCH_RATE
-    ]
-    if not (0.0 <= east < nx - 1 and 0.0 <= north < ny - 1):
-        return 0.0
-    i, j = int(east), int(north)
-    east -= i
-    north -= j
-    k = PATCH_POINTS + speed * nx * ny + i * ny + j
-    found: float = (1.0 - east) * ((1.0 - north) * patch[k] + north * patch[k + 1]) + east * (
-        (1.0 - north) * patch[k + ny] + north * patch[k + ny + 1]
-    )
-    return found
-
-
-@kernel
-def _pressure_centre(
+def pressure_centre(
     rx: float, ry: float, rz: float, nx: float, ny: float, nz: float,
     vx: float, vy: float, vz: float, ux: float, uy: float, uz: float,
     depth: float, radius: float,
@@ -184,8 +113,8 @@ def body_wrench(block: Any, state: Any, out: Any) -> None:
         F_air = -rho_air (V.n) |V.n| S_disc n,  tau_air = r x F_air
 
     r_i runs to the centroid of the immersed part of triangle i, or to the pressure centre of its strips
-    (`_pressure_centre`). V is taken against the water, which
-    moves up and down with its surface; U and the gate of the paper take the surface under the centre of mass.
+    (`pressure_centre`). V is taken against the water, which moves up and down with its surface; U and the
+    gate of the paper take the surface under the centre of mass.
     """
     # velocity, angular velocity and the upward vertical in body axes
     ux, uy, uz = state[9], state[10], state[11]
@@ -199,213 +128,237 @@ def body_wrench(block: Any, state: Any, out: Any) -> None:
     # air, on the disc
     nx, ny, nz = block[DISC_NORMAL], block[DISC_NORMAL + 1], block[DISC_NORMAL + 2]
     rx, ry, rz = block[DISC_CENTRE], block[DISC_CENTRE + 1], block[DISC_CENTRE + 2]
-    vn = (
-        (vx + wy * rz - wz * ry) * nx
-        + (vy + wz * rx - wx * rz) * ny
-        + (vz + wx * ry - wy * rx) * nz
-    )
+    mx, my, mz = ry * nz - rz * ny, rz * nx - rx * nz, rx * ny - ry * nx
+    vn = vx * nx + vy * ny + vz * nz + wx * mx + wy * my + wz * mz
     load = -block[AIR_DENSITY] * block[DISC_AREA] * vn * abs(vn)
     _to_world(state, load * nx, load * ny, load * nz, out, 6)
-    _to_world(
-        state,
-        load * (ry * nz - rz * ny),
-        load * (rz * nx - rx * nz),
-        load * (rx * ny - ry * nx),
-        out,
-        9,
-    )
+    _to_world(state, load * mx, load * my, load * mz, out, 9)
 
     # water, on the mesh
-    fx = fy = fz = tx = ty = tz = 0.0
-    z = state[2]
-    patch = _patch_of(block)
-    waves = patch.size > 0
-    highest = patch[PATCH_HIGHEST] if waves else 0.0
-    # a position that is not finite must reach the sums: only a body surely dry is skipped
-    if not z > block[RADIUS] + highest:
-        rising = _surface(patch, state, 0.0, 0.0, 0.0, 1) if waves else 0.0
-        vx, vy, vz = vx - rising * ux, vy - rising * uy, vz - rising * uz
-        local = block[LOCAL_GATE] != 0.0
-        squared, mixed = block[NORMAL_SQUARED], block[SPEED_NORMAL]
-        plain, friction = block[SPEED_SQUARED], block[FRICTION]
-        speed2 = vx * vx + vy * vy + vz * vz
-        speed = math.sqrt(speed2)
-        forward = block[FORWARD] != 0.0
-        third = 1.0 / 3.0
-        for i in range(int(block[N_TRIANGLES])):
-            k = HEADER + i * ROW
-            nx, ny, nz = block[k + NORMAL], block[k + NORMAL + 1], block[k + NORMAL + 2]
-            vn_centre = vx * nx + vy * ny + vz * nz
-            if not local and vn_centre < 0.0:
-                continue
-            ax, ay, az = block[k], block[k + 1], block[k + 2]
-            bx, by, bz = block[k + 3], block[k + 4], block[k + 5]
-            cx, cy, cz = block[k + 6], block[k + 7], block[k + 8]
-            ha = z + ux * ax + uy * ay + uz * az
-            hb = z + ux * bx + uy * by + uz * bz
-            hc = z + ux * cx + uy * cy + uz * cz
-            if waves:
-                ha -= _surface(patch, state, ax, ay, az, 0)
-                hb -= _surface(patch, state, bx, by, bz, 0)
-                hc -= _surface(patch, state, cx, cy, cz, 0)
-            if ha >= 0.0 and hb >= 0.0 and hc >= 0.0:
-                continue
-            if ha < 0.0 and hb < 0.0 and hc < 0.0:  # the most frequent case
-                fraction = 1.0
-                rx, ry, rz = (ax + bx + cx) * third, (ay + by + cy) * third, (az + bz + cz) * third
-            else:
-                fraction, rx, ry, rz = immersed_part(ax, ay, az, ha, bx, by, bz, hb, cx, cy, cz, hc)
-            if forward:
-                depth = -(z + ux * rx + uy * ry + uz * rz)
-                if waves:
-                    depth += _surface(patch, state, rx, ry, rz, 0)
-                rx, ry, rz = _pressure_centre(
-                    rx, ry, rz, nx, ny, nz, vx, vy, vz, ux, uy, uz, depth, block[RADIUS]
-                )
-            vn = (
-                vn_centre
-                + (wy * rz - wz * ry) * nx
-                + (wz * rx - wx * rz) * ny
-                + (wx * ry - wy * rx) * nz
-            )
-            if waves:
-                vn -= (_surface(patch, state, rx, ry, rz, 1) - rising) * (
-                    ux * nx + uy * ny + uz * nz
-                )
-            if local and vn <= 0.0:
-                continue
-            area = fraction * block[k + AREA]
-            load = -area * (squared * vn * vn + mixed * speed * vn + plain * speed2)
-            gx, gy, gz = load * nx, load * ny, load * nz
-            if friction != 0.0:
-                # speed2 t, t the direction of the centre's motion along the face
-                sx, sy, sz = vx - vn_centre * nx, vy - vn_centre * ny, vz - vn_centre * nz
-                along = math.sqrt(sx * sx + sy * sy + sz * sz)
-                if along > 0.0:
-                    drag = -area * friction * speed2 / along
-                    gx += drag * sx
-                    gy += drag * sy
-                    gz += drag * sz
-            fx += gx
-            fy += gy
-            fz += gz
-            tx += ry * gz - rz * gy
-            ty += rz * gx - rx * gz
-            tz += rx * gy - ry * gx
-        if block[WEIGHT_DENSITY] != 0.0 or block[SKIN_DENSITY] != 0.0:
-            gx, gy, gz, mx, my, mz = _at_rest_too(
-                block, state, patch, vx, vy, vz, wx, wy, wz, rising
-            )
-            fx, fy, fz, tx, ty, tz = fx + gx, fy + gy, fz + gz, tx + mx, ty + my, tz + mz
-    _to_world(state, fx, fy, fz, out, 0)
-    _to_world(state, tx, ty, tz, out, 3)
+    sums = as_doubles(stack_doubles(6))
+    for j in range(6):
+        sums[j] = 0.0
+    patch = patch_of(block)
+    highest = patch[PATCH_HIGHEST] if patch.size > 0 else 0.0
+    # a height that is not finite must reach the sums: only a body surely dry is skipped
+    if not state[2] > block[RADIUS] + highest:
+        rising = surface_at(patch, state, 0.0, 0.0, 0.0, 1) if patch.size > 0 else 0.0
+        motion = as_doubles(stack_doubles(MOTION))
+        motion[HEIGHT], motion[RISING] = state[2], rising
+        motion[UP], motion[UP + 1], motion[UP + 2] = ux, uy, uz
+        motion[VELOCITY], motion[VELOCITY + 1] = vx - rising * ux, vy - rising * uy
+        motion[VELOCITY + 2] = vz - rising * uz
+        motion[OMEGA], motion[OMEGA + 1], motion[OMEGA + 2] = wx, wy, wz
+        _add_water(block, state, motion, patch, sums)
+        # no comparison holds for not-a-number, so that no face would be loaded
+        sums[0] += 0.0 * (state[2] + ux + uy + uz + vx + vy + vz + wx + wy + wz)
+    _to_world(state, sums[0], sums[1], sums[2], out, 0)
+    _to_world(state, sums[3], sums[4], sums[5], out, 3)
 
 
 @kernel
-def _at_rest_too(
-    block: Any, state: Any, patch: Any,
-    vx: float, vy: float, vz: float, wx: float, wy: float, wz: float, rising: float,
-) -> tuple[float, float, float, float, float, float]:  # fmt: skip
-    """Buoyancy and skin friction on every immersed face: force and torque in body axes.
+def _add_water(block: Any, state: Any, motion: Any, patch: Any, sums: Any) -> None:
+    """Count the loads of the water on all faces, a run of groups at a time."""
+    n = int(block[STRIDE])
+    groups = (n + GROUP - 1) // GROUP
+    highest = patch[PATCH_HIGHEST] if patch.size > 0 else 0.0
+    sunk = patch.size == 0 and motion[HEIGHT] < -block[RADIUS]
+    weight = 0.0 if sunk else block[WEIGHT_DENSITY]
+    whole = place_of(block, HEADER + AREA * n)
+    areas = as_doubles(stack_doubles(RUN))
+    below = as_doubles(stack_doubles(RUN))
+    pieces = as_doubles(stack_doubles((PIECE + 1) * PIECES))
+    found = 0
+    group = 0
+    while group < groups:
+        first = group * GROUP
+        side = _side_of(block, motion, highest, group)
+        group += 1
+        while group < groups and (group + 1) * GROUP - first <= RUN:
+            if _side_of(block, motion, highest, group) != side:
+                break
+            group += 1
+        count = min(group * GROUP, n) - first
+        if side == ABOVE:
+            continue
+        if patch.size > 0 or block[FORWARD] != 0.0:
+            for i in range(count):
+                below[i] = 1.0  # a piece of every wet face
+        elif side == BELOW:
+            _add_whole_faces(block, motion, first, count, place_of(whole, first), weight, sums)
+            continue
+        else:
+            _find_whole_faces(block, motion, first, count, weight, below, areas)
+            _add_whole_faces(block, motion, first, count, areas, weight, sums)
+        found = _cut_faces(
+            block, state, motion, patch, first, count, weight, below, pieces, found, sums
+        )
+        if found > PIECES - RUN - WIDTH:
+            _add_pieces(block, state, motion, patch, pieces, found, sums)
+            found = 0
+    if found > 0:
+        _add_pieces(block, state, motion, patch, pieces, found, sums)
+    if sunk:
+        # Archimedes: rho g V upwards through the centroid of the volume
+        cx, cy, cz = block[VOLUME_CENTRE], block[VOLUME_CENTRE + 1], block[VOLUME_CENTRE + 2]
+        ux, uy, uz = motion[UP], motion[UP + 1], motion[UP + 2]
+        add_sums(
+            sums, block[WEIGHT_DENSITY] * block[VOLUME],
+            ux, uy, uz, cy * uz - cz * uy, cz * ux - cx * uz, cx * uy - cy * ux,
+        )  # fmt: skip
 
-        dF = rho g h n dS          h the height above the surface, negative below: p = -rho g h
-        F  = -1/2 rho C_f |V_t| V_t S,  C_f = 0.075 / (log10 Re - 2)^2  (ITTC 1957), Re = |V_t| L / nu
 
-    The pressure is integrated exactly over the immersed polygon, force and torque: the columns of water
-    on a closed body add up to the water it displaces. Re is taken as at least 1000.
+ABOVE, ACROSS, BELOW = 1, 0, -1
+
+
+@inlined
+def _side_of(block: Any, motion: Any, highest: float, group: int) -> int:
+    """Whether all faces of a group are surely above the surface, surely below it, or neither."""
+    k = HEADER + COLUMNS * int(block[STRIDE]) + SPHERE * group
+    h = motion[HEIGHT] + motion[UP] * block[k] + motion[UP + 1] * block[k + 1]
+    h += motion[UP + 2] * block[k + 2]
+    reach = block[k + 3] + highest
+    return ABOVE if h > reach else BELOW if h < -reach else ACROSS
+
+
+@kernel
+def _add_whole_faces(
+    block: Any, motion: Any, first: int, count: int, areas: Any, weight: float, sums: Any
+) -> None:
+    """Count the loads of faces that are quite under still water, straight from the block."""
+    n = int(block[STRIDE])
+    faces = place_of(block, HEADER + FACES * n + first)
+    add_law(block, motion, faces, n, areas, count, False, sums)
+    add_skin_friction(block, motion, faces, n, areas, count, False, sums)
+    if weight != 0.0:
+        add_buoyancy(block, motion, first, count, areas, sums)
+
+
+@vector_kernel
+def _find_whole_faces(
+    block: Any, motion: Any, first: int, count: int, weight: float, below: Any, areas: Any
+) -> None:
+    """The area of a face that is quite under water, else 0; how many corners are if it must be cut.
+
+    Heights are h = z + u.r. A face that the paper's gate leaves without load need not be cut for a law alone.
     """
-    ux, uy, uz, z = state[9], state[10], state[11], state[2]
-    weight, skin = block[WEIGHT_DENSITY], block[SKIN_DENSITY]
-    reynolds_rate = block[LENGTH] / block[VISCOSITY] if skin != 0.0 else 0.0
+    n = int(block[STRIDE])
+    z, ux, uy, uz = motion[HEIGHT], motion[UP], motion[UP + 1], motion[UP + 2]
+    vx, vy, vz = motion[VELOCITY], motion[VELOCITY + 1], motion[VELOCITY + 2]
+    every = block[LOCAL_GATE] != 0.0 or weight != 0.0 or block[SKIN_DENSITY] != 0.0
+    least = -np.inf if every else 0.0
+    for i in range(count):
+        k = HEADER + first + i
+        ha = z + ux * block[k] + uy * block[k + n] + uz * block[k + 2 * n]
+        hb = z + ux * block[k + 3 * n] + uy * block[k + 4 * n] + uz * block[k + 5 * n]
+        hc = z + ux * block[k + 6 * n] + uy * block[k + 7 * n] + uz * block[k + 8 * n]
+        corners = select(ha < 0.0, 1.0, 0.0) + select(hb < 0.0, 1.0, 0.0)
+        corners += select(hc < 0.0, 1.0, 0.0)
+        areas[i] = select(corners == 3.0, block[k + AREA * n], 0.0)
+        k += FACES * n
+        vn = vx * block[k] + vy * block[k + n] + vz * block[k + 2 * n]
+        corners = select(vn >= least, corners, 0.0)
+        below[i] = select(corners == 3.0, 0.0, corners)
+
+
+@kernel
+def _cut_faces(
+    block: Any, state: Any, motion: Any, patch: Any, first: int, count: int, weight: float,
+    below: Any, pieces: Any, found: int, sums: Any,
+) -> int:  # fmt: skip
+    """Append the wet pieces of faces whose `below` is not zero to the columns; how many there are now.
+
+    Their buoyancy, pressure -rho g h integrated exactly over the immersed polygon, is added to the sums.
+    """
+    n = int(block[STRIDE])
+    z, ux, uy, uz = motion[HEIGHT], motion[UP], motion[UP + 1], motion[UP + 2]
     waves = patch.size > 0
+    chosen = as_words(stack_doubles(RUN))
+    many = 0
+    for i in range(count):  # without a branch
+        chosen[many] = HEADER + first + i
+        many += int(below[i] != 0.0)
     fx = fy = fz = tx = ty = tz = 0.0
-    for i in range(int(block[N_TRIANGLES])):
-        k = HEADER + i * ROW
-        ax, ay, az = block[k], block[k + 1], block[k + 2]
-        bx, by, bz = block[k + 3], block[k + 4], block[k + 5]
-        cx, cy, cz = block[k + 6], block[k + 7], block[k + 8]
+    for i in range(many):
+        k = chosen[i]
+        ax, ay, az = block[k], block[k + n], block[k + 2 * n]
+        bx, by, bz = block[k + 3 * n], block[k + 4 * n], block[k + 5 * n]
+        cx, cy, cz = block[k + 6 * n], block[k + 7 * n], block[k + 8 * n]
         ha = z + ux * ax + uy * ay + uz * az
         hb = z + ux * bx + uy * by + uz * bz
         hc = z + ux * cx + uy * cy + uz * cz
         if waves:
-            ha -= _surface(patch, state, ax, ay, az, 0)
-            hb -= _surface(patch, state, bx, by, bz, 0)
-            hc -= _surface(patch, state, cx, cy, cz, 0)
-        if ha >= 0.0 and hb >= 0.0 and hc >= 0.0:
+            ha -= surface_at(patch, state, ax, ay, az, 0)
+            hb -= surface_at(patch, state, bx, by, bz, 0)
+            hc -= surface_at(patch, state, cx, cy, cz, 0)
+        fraction, rx, ry, rz = immersed_part(ax, ay, az, ha, bx, by, bz, hb, cx, cy, cz, hc)
+        if fraction == 0.0:
             continue
-        nx, ny, nz = block[k + NORMAL], block[k + NORMAL + 1], block[k + NORMAL + 2]
+        whole = block[k + AREA * n]
+        k += FACES * n
+        nx, ny, nz = block[k], block[k + n], block[k + 2 * n]
+        pieces[found + PIECE * PIECES] = fraction * whole
+        _put(pieces, found + NORMAL * PIECES, nx, ny, nz)
+        _put(pieces, found + CENTROID * PIECES, rx, ry, rz)
+        _put(pieces, found + ARM * PIECES, ry * nz - rz * ny, rz * nx - rx * nz, rx * ny - ry * nx)
+        if waves:
+            pieces[found + RISE * PIECES] = surface_at(patch, state, rx, ry, rz, 1)
+        found += 1
         if weight != 0.0:
-            column, mx, my, mz = _column(ax, ay, az, ha, bx, by, bz, hb, cx, cy, cz, hc)
-            load = weight * block[k + AREA]
-            fx += load * column * nx
-            fy += load * column * ny
-            fz += load * column * nz
-            tx += load * (my * nz - mz * ny)
-            ty += load * (mz * nx - mx * nz)
-            tz += load * (mx * ny - my * nx)
-        if skin != 0.0:
-            fraction, rx, ry, rz = immersed_part(ax, ay, az, ha, bx, by, bz, hb, cx, cy, cz, hc)
-            sx, sy, sz = vx + wy * rz - wz * ry, vy + wz * rx - wx * rz, vz + wx * ry - wy * rx
-            if waves:
-                more = _surface(patch, state, rx, ry, rz, 1) - rising
-                sx, sy, sz = sx - more * ux, sy - more * uy, sz - more * uz
-            across = sx * nx + sy * ny + sz * nz
-            sx, sy, sz = sx - across * nx, sy - across * ny, sz - across * nz
-            along = math.sqrt(sx * sx + sy * sy + sz * sz)
-            coefficient = 0.075 / (math.log10(max(along * reynolds_rate, 1e3)) - 2.0) ** 2
-            drag = -0.5 * skin * coefficient * along * fraction * block[k + AREA]
-            fx += drag * sx
-            fy += drag * sy
-            fz += drag * sz
-            tx += drag * (ry * sz - rz * sy)
-            ty += drag * (rz * sx - rx * sz)
-            tz += drag * (rx * sy - ry * sx)
-    return fx, fy, fz, tx, ty, tz
+            height, mx, my, mz = column(ax, ay, az, ha, bx, by, bz, hb, cx, cy, cz, hc)
+            height *= whole
+            fx += height * nx
+            fy += height * ny
+            fz += height * nz
+            tx += whole * (my * nz - mz * ny)
+            ty += whole * (mz * nx - mx * nz)
+            tz += whole * (mx * ny - my * nx)
+    add_sums(sums, weight, fx, fy, fz, tx, ty, tz)
+    return found
+
+
+@inlined
+def _put(pieces: Any, k: int, x: float, y: float, z: float) -> None:
+    """Write a vector of a piece."""
+    pieces[k], pieces[k + PIECES], pieces[k + 2 * PIECES] = x, y, z
 
 
 @kernel
-def _linear_column(
-    ax: float, ay: float, az: float, ha: float,
-    bx: float, by: float, bz: float, hb: float,
-    cx: float, cy: float, cz: float, hc: float, area: float,
-) -> tuple[float, float, float, float]:  # fmt: skip
-    """Integrals of h and of r h over a triangle of this area on which h is linear."""
-    total = ha + hb + hc
-    twelfth = area / 12.0
-    return (
-        area / 3.0 * total,
-        twelfth * ((ax + bx + cx) * total + ax * ha + bx * hb + cx * hc),
-        twelfth * ((ay + by + cy) * total + ay * ha + by * hb + cy * hc),
-        twelfth * ((az + bz + cz) * total + az * ha + bz * hb + cz * hc),
-    )
+def _add_pieces(
+    block: Any, state: Any, motion: Any, patch: Any, pieces: Any, count: int, sums: Any
+) -> None:
+    """Count the loads of the wet pieces; the columns are filled up to whole vectors."""
+    waves = patch.size > 0
+    areas = place_of(pieces, PIECE * PIECES)
+    filled = count
+    while filled % WIDTH != 0:
+        for k in range(PIECE + 1):
+            pieces[k * PIECES + filled] = 0.0
+        filled += 1
+    add_skin_friction(block, motion, pieces, PIECES, areas, filled, waves, sums)
+    if block[FORWARD] != 0.0:
+        _move_ahead(block, state, motion, patch, pieces, count)
+    add_law(block, motion, pieces, PIECES, areas, filled, waves, sums)
 
 
 @kernel
-def _column(
-    ax: float, ay: float, az: float, ha: float,
-    bx: float, by: float, bz: float, hb: float,
-    cx: float, cy: float, cz: float, hc: float,
-) -> tuple[float, float, float, float]:  # fmt: skip
-    """Integrals of h and of r h over the immersed part of a triangle of unit area; see `immersed_part`."""
-    below = int(ha < 0.0) + int(hb < 0.0) + int(hc < 0.0)
-    if below == 3:
-        return _linear_column(ax, ay, az, ha, bx, by, bz, hb, cx, cy, cz, hc, 1.0)
-    if (hb < 0.0) == (below == 1):
-        ax, ay, az, ha, bx, by, bz, hb, cx, cy, cz, hc = bx, by, bz, hb, cx, cy, cz, hc, ax, ay, az, ha  # fmt: skip
-    elif (hc < 0.0) == (below == 1):
-        ax, ay, az, ha, bx, by, bz, hb, cx, cy, cz, hc = cx, cy, cz, hc, ax, ay, az, ha, bx, by, bz, hb  # fmt: skip
-    # p on ca and q on ab, where the surface cuts
-    u = hc / (hc - ha)
-    w = hb / (hb - ha)
-    px, py, pz = cx + u * (ax - cx), cy + u * (ay - cy), cz + u * (az - cz)
-    qx, qy, qz = bx + w * (ax - bx), by + w * (ay - by), bz + w * (az - bz)
-    if below == 1:
-        return _linear_column(
-            ax, ay, az, ha, qx, qy, qz, 0.0, px, py, pz, 0.0, (1.0 - u) * (1.0 - w)
-        )  # fmt: skip
-    h1, x1, y1, z1 = _linear_column(bx, by, bz, hb, cx, cy, cz, hc, px, py, pz, 0.0, u)
-    h2, x2, y2, z2 = _linear_column(bx, by, bz, hb, px, py, pz, 0.0, qx, qy, qz, 0.0, (1.0 - u) * w)
-    return h1 + h2, x1 + x2, y1 + y2, z1 + z2
+def _move_ahead(block: Any, state: Any, motion: Any, patch: Any, pieces: Any, count: int) -> None:
+    """Move the points where the loads of pieces act from their centroids to the pressure centres."""
+    z, ux, uy, uz = motion[HEIGHT], motion[UP], motion[UP + 1], motion[UP + 2]
+    vx, vy, vz = motion[VELOCITY], motion[VELOCITY + 1], motion[VELOCITY + 2]
+    for k in range(count):
+        nx, ny, nz = pieces[k], pieces[k + PIECES], pieces[k + 2 * PIECES]
+        rx, ry, rz = pieces[k + 3 * PIECES], pieces[k + 4 * PIECES], pieces[k + 5 * PIECES]
+        depth = -(z + ux * rx + uy * ry + uz * rz)
+        if patch.size > 0:
+            depth += surface_at(patch, state, rx, ry, rz, 0)
+        rx, ry, rz = pressure_centre(
+            rx, ry, rz, nx, ny, nz, vx, vy, vz, ux, uy, uz, depth, block[RADIUS]
+        )
+        _put(pieces, k + ARM * PIECES, ry * nz - rz * ny, rz * nx - rx * nz, rx * ny - ry * nx)
+        _put(pieces, k + CENTROID * PIECES, rx, ry, rz)
+        if patch.size > 0:
+            pieces[k + RISE * PIECES] = surface_at(patch, state, rx, ry, rz, 1)
 
 
 @kernel
@@ -422,27 +375,28 @@ def body_immersion(block: Any, state: Any, out: Any) -> None:
     Of the whole surface, loaded or not. The centroid of a dry body is its centre of mass.
     """
     ux, uy, uz, z = state[9], state[10], state[11], state[2]
-    patch = _patch_of(block)
+    n = int(block[STRIDE])
+    patch = patch_of(block)
     waves = patch.size > 0
     total = mx = my = mz = 0.0
     lowest = np.inf
-    for i in range(int(block[N_TRIANGLES])):
-        k = HEADER + i * ROW
-        ax, ay, az = block[k], block[k + 1], block[k + 2]
-        bx, by, bz = block[k + 3], block[k + 4], block[k + 5]
-        cx, cy, cz = block[k + 6], block[k + 7], block[k + 8]
+    for i in range(int(block[N_FACES])):
+        k = HEADER + i
+        ax, ay, az = block[k], block[k + n], block[k + 2 * n]
+        bx, by, bz = block[k + 3 * n], block[k + 4 * n], block[k + 5 * n]
+        cx, cy, cz = block[k + 6 * n], block[k + 7 * n], block[k + 8 * n]
         ha = z + ux * ax + uy * ay + uz * az
         hb = z + ux * bx + uy * by + uz * bz
         hc = z + ux * cx + uy * cy + uz * cz
         if waves:
-            ha -= _surface(patch, state, ax, ay, az, 0)
-            hb -= _surface(patch, state, bx, by, bz, 0)
-            hc -= _surface(patch, state, cx, cy, cz, 0)
+            ha -= surface_at(patch, state, ax, ay, az, 0)
+            hb -= surface_at(patch, state, bx, by, bz, 0)
+            hc -= surface_at(patch, state, cx, cy, cz, 0)
         lowest = min(lowest, ha, hb, hc)
         if ha >= 0.0 and hb >= 0.0 and hc >= 0.0:
             continue
         fraction, rx, ry, rz = immersed_part(ax, ay, az, ha, bx, by, bz, hb, cx, cy, cz, hc)
-        area = fraction * block[k + AREA]
+        area = fraction * block[k + AREA * n]
         total += area
         mx += area * rx
         my += area * ry
@@ -458,11 +412,12 @@ def body_immersion(block: Any, state: Any, out: Any) -> None:
 
 
 @kernel
-def wrench_and_immersion(block: Any, states: Any, out: Any) -> None:
-    """Wrench (12) and immersion (5) of every row of states (n, 18) into out (n, 17)."""
+def wrench_and_immersion(wrench: int, immersion: int, block: Any, states: Any, out: Any) -> None:
+    """Wrench (12) and immersion (5) of every row of states (n, 18) into out (n, 17), by address."""
     for i in range(states.shape[0]):
-        body_wrench(block, states[i], out[i, :WRENCH])
-        body_immersion(block, states[i], out[i, WRENCH:])
+        state, row = address_of(states[i]), address_of(out[i])
+        call_address(wrench, address_of(block), state, row)
+        call_address(immersion, address_of(block), state, row + 8 * WRENCH)
 
 
 def _entry(block: Any, state: Any, out: Any) -> None:

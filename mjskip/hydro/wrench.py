@@ -13,6 +13,7 @@ from numba import types
 
 from mjskip._compile.jit import native
 from mjskip._compile.pointers import F8P, address_of_cfunc
+from mjskip.hydro import _block as layout
 from mjskip.hydro import _wrench_kernels as kernels
 from mjskip.hydro.columns import LOAD, load_columns
 from mjskip.hydro.laws import LAWS
@@ -93,35 +94,85 @@ def wrench_of(block: Array, states: Array) -> Wrench:
 def pack(stone: Stone, water: Water, *, gravity: float = 9.81) -> Array:
     """The block of doubles that the kernels know a stone in its water by; gravity [m/s^2] for buoyancy."""
     law = LAWS[water.law]
-    areas = np.linalg.norm(stone.area_vectors, axis=1)
-    block = np.zeros(kernels.HEADER + len(stone.faces) * kernels.ROW)
-    block[kernels.N_TRIANGLES] = len(stone.faces)
-    block[kernels.RADIUS] = stone.radius
-    block[kernels.LOCAL_GATE] = water.gate == "local"
-    block[kernels.NORMAL_SQUARED] = water.density * law.normal_squared
-    block[kernels.SPEED_NORMAL] = water.density * law.speed_normal
-    block[kernels.SPEED_SQUARED] = water.density * law.speed_squared
-    block[kernels.FRICTION] = water.density * law.friction
-    block[kernels.FORWARD] = law.forward
-    block[kernels.WEIGHT_DENSITY] = water.density * gravity if water.buoyancy else 0.0
-    block[kernels.SKIN_DENSITY] = water.density if water.skin_friction else 0.0
-    block[kernels.VISCOSITY] = water.viscosity
-    block[kernels.LENGTH] = 2.0 * np.sqrt(stone.disc_area / np.pi)
-    block[kernels.AIR_DENSITY] = water.air_density
-    block[kernels.DISC_AREA] = stone.disc_area
-    block[kernels.DISC_NORMAL : kernels.DISC_NORMAL + 3] = stone.disc_normal
-    block[kernels.DISC_CENTRE : kernels.DISC_CENTRE + 3] = stone.disc_centre
-    rows = block[kernels.HEADER :].reshape(-1, kernels.ROW)
-    rows[:, kernels.CORNERS : kernels.NORMAL] = stone.triangles.reshape(-1, 9)
-    rows[:, kernels.NORMAL : kernels.AREA] = stone.area_vectors / areas[:, None]
-    rows[:, kernels.AREA] = areas
-    return block
+    header = np.zeros(layout.HEADER)
+    header[layout.RADIUS] = stone.radius
+    header[layout.LOCAL_GATE] = water.gate == "local"
+    header[layout.NORMAL_SQUARED] = water.density * law.normal_squared
+    header[layout.SPEED_NORMAL] = water.density * law.speed_normal
+    header[layout.SPEED_SQUARED] = water.density * law.speed_squared
+    header[layout.FRICTION] = water.density * law.friction
+    header[layout.FORWARD] = law.forward
+    header[layout.WEIGHT_DENSITY] = water.density * gravity if water.buoyancy else 0.0
+    header[layout.SKIN_DENSITY] = water.density if water.skin_friction else 0.0
+    header[layout.VISCOSITY] = water.viscosity
+    header[layout.LENGTH] = 2.0 * np.sqrt(stone.disc_area / np.pi)
+    header[layout.AIR_DENSITY] = water.air_density
+    header[layout.DISC_AREA] = stone.disc_area
+    header[layout.DISC_NORMAL : layout.DISC_NORMAL + 3] = stone.disc_normal
+    header[layout.DISC_CENTRE : layout.DISC_CENTRE + 3] = stone.disc_centre
+    return block_of(header, stone.triangles)
+
+
+def block_of(header: Array, triangles: Array) -> Array:
+    """A block with this header (of any block) and these triangles (n, 3, 3), counter-clockwise from outside."""
+    triangles = triangles[_by_place(triangles.mean(axis=1))]
+    a, b, c = np.moveaxis(triangles, 1, 0)
+    vectors = 0.5 * np.cross(b - a, c - a)
+    areas = np.linalg.norm(vectors, axis=1)
+    volumes = np.linalg.det(triangles) / 6.0
+    n = len(triangles)
+    fill = (layout.WIDTH - n) % (2 * layout.WIDTH)
+    header = header[: layout.HEADER].copy()
+    header[layout.N_FACES], header[layout.STRIDE] = n, n + fill
+    header[layout.VOLUME] = volumes.sum()
+    centre = volumes @ triangles.sum(axis=1) / (4.0 * volumes.sum())
+    header[layout.VOLUME_CENTRE : layout.VOLUME_CENTRE + 3] = centre
+    normals, centroids = vectors / areas[:, None], triangles.mean(axis=1)
+    columns = np.column_stack(
+        [triangles.reshape(-1, 9), areas, normals, centroids, np.cross(centroids, normals)]
+    )
+    last = np.zeros((fill, layout.COLUMNS))
+    last[:, : layout.AREA] = np.tile(triangles[-1, 0], 3)
+    spheres = [
+        _sphere(triangles[k : k + layout.GROUP].reshape(-1, 3)) for k in range(0, n, layout.GROUP)
+    ]
+    return np.concatenate([header, np.vstack([columns, last]).T.ravel(), *spheres])
+
+
+def triangles_of(block: Array) -> Array:
+    """The triangles (n, 3, 3) of a block, in its order."""
+    columns = block[layout.HEADER :][: layout.AREA * int(block[layout.STRIDE])]
+    return columns.reshape(layout.AREA, -1).T[: int(block[layout.N_FACES])].reshape(-1, 3, 3)
+
+
+def _by_place(centroids: Array) -> npt.NDArray[np.intp]:
+    """An order (n,) in which the faces of a group lie near each other: halved across the longest side."""
+    done: list[npt.NDArray[np.intp]] = []
+    waiting = [np.arange(len(centroids))]
+    while waiting:
+        faces = waiting.pop()
+        groups = -(-len(faces) // layout.GROUP)
+        if groups == 1:
+            done.append(faces)
+            continue
+        axis = np.argmax(np.ptp(centroids[faces], axis=0))
+        faces = faces[np.argsort(centroids[faces, axis], kind="stable")]
+        half = groups // 2 * layout.GROUP
+        waiting += [faces[half:], faces[:half]]
+    return np.concatenate(done)
+
+
+def _sphere(points: Array) -> Array:
+    """Centre and radius (4,) of a sphere about points (n, 3), with a hair for rounding."""
+    centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    radius = np.linalg.norm(points - centre, axis=1).max()
+    return np.array([*centre, (1.0 + 1e-9) * radius])
 
 
 def wrench_and_immersion(block: Array, states: Array) -> Array:
     """Rows (n, 17) of every state (n, 18); see `mjskip.hydro.columns`."""
     out = np.empty((len(states), LOAD))
-    kernels.wrench_and_immersion(block, states, out)
+    kernels.wrench_and_immersion(wrench_address(), immersion_address(), block, states, out)
     return out
 
 

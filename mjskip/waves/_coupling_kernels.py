@@ -17,15 +17,16 @@ rate (z_free[n+1] - z[n-1]) / (2 dt) and open cells (0 on land, else 1), arrays 
 the water is still.
 
 A *face* is a row of FACE doubles, see the constants. *Spots* are rows of first cell (2) and side^2 weights.
-Blocks of bodies and their states are those of `mjskip.hydro._wrench_kernels`.
+Blocks of bodies and their states are those of `mjskip.hydro._block`.
 """
 
 import math
 from typing import Any
 
 from mjskip._compile.jit import kernel
-from mjskip.hydro import _wrench_kernels as hydro
-from mjskip.hydro._wrench_kernels import _pressure_centre, immersed_part
+from mjskip.hydro import _block as hydro
+from mjskip.hydro._clip_kernels import immersed_part
+from mjskip.hydro._wrench_kernels import pressure_centre
 from mjskip.rigid import _rigid_kernels as rigid
 
 POINT_X, POINT_Y = 0, 1  # where the load acts, world [m]
@@ -91,36 +92,32 @@ def find_faces(
     bx = state[3] * vx + state[6] * vy + state[9] * vz
     by = state[4] * vx + state[7] * vy + state[10] * vz
     bz = state[5] * vx + state[8] * vy + state[11] * vz
-    for k in range(int(block[hydro.N_TRIANGLES])):
-        row = hydro.HEADER + k * hydro.ROW
-        p, q, r = row, row + 3, row + 6
+    n = int(block[hydro.STRIDE])
+    for k in range(int(block[hydro.N_FACES])):
+        a = hydro.HEADER + k
+        px, py, pz = block[a], block[a + n], block[a + 2 * n]
+        qx, qy, qz = block[a + 3 * n], block[a + 4 * n], block[a + 5 * n]
+        rx, ry, rz = block[a + 6 * n], block[a + 7 * n], block[a + 8 * n]
         # heights above the surface
-        hp = z + ux * block[p] + uy * block[p + 1] + uz * block[p + 2]
-        hq = z + ux * block[q] + uy * block[q + 1] + uz * block[q + 2]
-        hr = z + ux * block[r] + uy * block[r + 1] + uz * block[r + 2]
+        hp = z + ux * px + uy * py + uz * pz
+        hq = z + ux * qx + uy * qy + uz * qz
+        hr = z + ux * rx + uy * ry + uz * rz
         if not (hp < highest or hq < highest or hr < highest):
             continue
         if highest > 0.0:
-            hp -= _level_under(state, frame, level, block[p], block[p + 1], block[p + 2])
-            hq -= _level_under(state, frame, level, block[q], block[q + 1], block[q + 2])
-            hr -= _level_under(state, frame, level, block[r], block[r + 1], block[r + 2])
-        fraction, x, y, h = immersed_part(
-            block[p], block[p + 1], block[p + 2], hp,
-            block[q], block[q + 1], block[q + 2], hq,
-            block[r], block[r + 1], block[r + 2], hr,
-        )  # fmt: skip
+            hp -= _level_under(state, frame, level, px, py, pz)
+            hq -= _level_under(state, frame, level, qx, qy, qz)
+            hr -= _level_under(state, frame, level, rx, ry, rz)
+        fraction, x, y, h = immersed_part(px, py, pz, hp, qx, qy, qz, hq, rx, ry, rz, hr)
         if not fraction > 0.0:
             continue
-        nx, ny, nz = (
-            block[row + hydro.NORMAL],
-            block[row + hydro.NORMAL + 1],
-            block[row + hydro.NORMAL + 2],
-        )
+        a += hydro.FACES * n
+        nx, ny, nz = block[a], block[a + n], block[a + 2 * n]
         if forward:
             depth = -(z + ux * x + uy * y + uz * h)
             if highest > 0.0:
                 depth += _level_under(state, frame, level, x, y, h)
-            x, y, h = _pressure_centre(
+            x, y, h = pressure_centre(
                 x, y, h, nx, ny, nz, bx, by, bz, ux, uy, uz, depth, block[hydro.RADIUS]
             )
         face = faces[count]
@@ -131,7 +128,7 @@ def find_faces(
             face[NORMAL + axis] = (
                 state[3 + 3 * axis] * nx + state[4 + 3 * axis] * ny + state[5 + 3 * axis] * nz
             )
-        area = fraction * block[row + hydro.AREA]
+        area = fraction * block[hydro.HEADER + hydro.AREA * n + k]
         face[POINT_X] = state[0] + face[ARM]
         face[POINT_Y] = state[1] + face[ARM + 1]
         face[AREA] = area

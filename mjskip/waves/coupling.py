@@ -30,8 +30,9 @@ from scipy.interpolate import CubicSpline
 from scipy.special import j0, jv
 
 from mjskip._typing import Array
-from mjskip.hydro import _wrench_kernels as hydro
+from mjskip.hydro import _block as hydro
 from mjskip.hydro.laws import LAWS, ForceLaw
+from mjskip.hydro.wrench import block_of, triangles_of
 from mjskip.waves import _coupling_kernels as kernels
 
 LOAD_RADIUS = 0.02
@@ -69,32 +70,24 @@ def split_block(block: Array, longest: float) -> Array:
     Raises:
         ValueError: the body has too many triangles then.
     """
-    rows = block[hydro.HEADER :].reshape(-1, hydro.ROW)
     done: list[Array] = []
-    waiting = [np.array(row) for row in rows[::-1]]
+    waiting = list(triangles_of(block)[::-1])
     while waiting:
-        row = waiting.pop()
-        corners = row[: hydro.NORMAL].reshape(3, 3)
+        corners = waiting.pop()
         edges = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
         k = int(np.argmax(edges))
         if edges[k] <= longest:
-            done.append(row)
+            done.append(corners)
         else:
             a, b, c = corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]
             middle = 0.5 * (a + b)
-            for piece in ((middle, b, c), (a, middle, c)):
-                half = row.copy()
-                half[: hydro.NORMAL] = np.concatenate(piece)
-                half[hydro.AREA] *= 0.5
-                waiting.append(half)
+            waiting += [np.array([middle, b, c]), np.array([a, middle, c])]
         if len(done) + len(waiting) > MOST_FACES:
             raise ValueError(
                 f"a body of radius {block[hydro.RADIUS]:.3g} m has more than {MOST_FACES} triangles no longer than "
                 f"{longest:g} m: use a larger load_radius"
             )
-    out = np.concatenate([block[: hydro.HEADER], *done])
-    out[hydro.N_TRIANGLES] = len(done)
-    return out
+    return block_of(block, np.array(done))
 
 
 def wave_impulse(*, wave_speed: float, gravity: float, spacing: float) -> Array:
@@ -240,7 +233,7 @@ class SurfaceCoupling:
         split = [split_block(block, radius) for block in blocks]
         self.starts = np.cumsum([0, *(len(block) for block in split)])
         self.blocks = np.concatenate(split)
-        self._count = int(sum(block[hydro.N_TRIANGLES] for block in split))
+        self._count = int(sum(block[hydro.N_FACES] for block in split))
         if self._count > MOST_FACES:
             raise ValueError(
                 f"the bodies have {self._count} triangles no longer than {radius:g} m, {MOST_FACES} at most can be "

@@ -31,7 +31,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip.errors import MjskipWarning
-from mjskip.hydro import _wrench_kernels as kernels
+from mjskip.hydro import _block as kernels
 from mjskip.hydro.wrench import immersion_address, wrench_address, wrench_and_immersion
 from mjskip.waves import _lake_kernels as tiles
 from mjskip.waves._grid import free_memory
