@@ -15,6 +15,8 @@ import contextlib
 import json
 import random
 import resource
+import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -24,52 +26,61 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-SWEEP = (
-    "sweep",
-    "lake",
-    "--vary",
-    "speed=8:12:8",
-    "--vary",
-    "attack=10:30:8",
-    "--chunk",
-    "8",
-    "--threads",
-    "1",
+SWEEP = tuple(
+    shlex.split("sweep lake --vary speed=8:12:8 --vary attack=10:30:8 --chunk 8 --threads 1")
 )
+BEST = tuple(
+    shlex.split("optimize lake --limit attack=10:30 --members 4 --population 6 --generations 3")
+)
+FILMED = ("run", "--size", "320x240", "--duration", "0.5")
 COMMANDS: dict[str, tuple[tuple[str, ...], str]] = {
     "run": (("run", "--save"), "run.nc"),
     "sweep": ((*SWEEP, "--save"), "sweep.zarr"),
     "plot of a sweep": ((*SWEEP, "--plot"), "sweep.png"),
-    "film": (("run", "--size", "320x240", "--duration", "0.5", "--video"), "throw.mp4"),
+    "optimize": (BEST, ""),
+    "film": ((*FILMED, "--video"), "throw.mp4"),
+    "frames": ((*FILMED, "--frames"), "frames"),
     "strip": (("run", "--size", "320x240", "--strip", "2", "--picture"), "strip.png"),
 }
-"""Name: words, and the file that is written."""
+"""Name: words, and the file, store or folder that is written; none for what only prints."""
+
+
+def command(name: str, folder: Path) -> list[str]:
+    """The command line that writes to a folder."""
+    words, file = COMMANDS[name]
+    target = [str(folder / file)] if file else []
+    if file == "frames":
+        (folder / file).mkdir(exist_ok=True)
+    return [sys.executable, "-m", "mjskip", *words, *target]
 
 
 def run(
-    words: tuple[str, ...], target: Path, limit: Callable[[], None] | None = None
-) -> tuple[int, str]:
-    """Exit code and standard error of a command."""
-    done = subprocess.run(
-        [sys.executable, "-m", "mjskip", *words, str(target)],
-        capture_output=True, text=True, preexec_fn=limit, check=False, timeout=600,
+    name: str, folder: Path, limit: Callable[[], None] | None = None
+) -> subprocess.CompletedProcess[str]:
+    """A command from beginning to end."""
+    return subprocess.run(
+        command(name, folder), capture_output=True, text=True, preexec_fn=limit, check=False,
+        timeout=600,
     )  # fmt: skip
-    return done.returncode, done.stderr
 
 
-def judge(code: int, errors: str, folder: Path, target: Path, old: bytes | None) -> list[str]:
+def leftovers(folder: Path) -> list[str]:
+    """Parts of files, at any depth."""
+    return [f"left {path.name}" for path in folder.rglob("*") if ".part" in path.name]
+
+
+def judge(done: subprocess.CompletedProcess[str], folder: Path, old: Path | None) -> list[str]:
     """What is wrong with how a command ended."""
-    wrong = []
-    if "Traceback" in errors or "Exception ignored" in errors:
+    wrong, code = [], done.returncode
+    if "Traceback" in done.stderr or "Exception ignored" in done.stderr:
         wrong.append("traceback")
     if code < 0 or code > 2:
         wrong.append(f"exit code {code}")
-    if code and not any(line.startswith("mjskip: ") for line in errors.splitlines()):
+    if code and not any(line.startswith("mjskip: ") for line in done.stderr.splitlines()):
         wrong.append("no line")
-    if code and old is not None and (not target.is_file() or target.read_bytes() != old):
+    if code and old is not None and (not old.is_file() or old.read_bytes() != b"old"):
         wrong.append("previous file lost")
-    wrong += [f"left {path.name}" for path in folder.iterdir() if ".part" in path.name]
-    return wrong
+    return wrong + leftovers(folder)
 
 
 @contextlib.contextmanager
@@ -108,64 +119,90 @@ def hardships() -> dict[str, list[str]]:
     }
     found = {}
     for hardship, (disk, limit) in cases.items():
-        for name, (words, file) in COMMANDS.items():
+        for name, (_, file) in COMMANDS.items():
             with disk() as folder:
-                target, old = folder / file, None
-                if not file.endswith(".zarr") and hardship not in ("full disk", "read-only disk"):
-                    old = b"old"
-                    target.write_bytes(old)
-                code, errors = run(words, target, limit)
-                wrong = judge(code, errors, folder, target, old)
+                old = folder / file if "." in file and not file.endswith(".zarr") else None
+                if old is not None and disk is plain_disk:
+                    old.write_bytes(b"old")
+                elif old is not None:
+                    old = None
+                if file == "frames" and hardship == "read-only disk":
+                    continue  # its folder would have to be there
+                done = run(name, folder, limit)
+                wrong = judge(done, folder, old)
                 found[f"{name}, {hardship}"] = wrong
-                said = [line for line in errors.splitlines() if line.startswith("mjskip: ")]
-                print(f"{name}, {hardship}: code {code} {said[-1:]} {wrong}", file=sys.stderr)
-                if wrong and "traceback" in wrong:
-                    print(errors[-1500:], file=sys.stderr)
+                said = [line for line in done.stderr.splitlines() if line.startswith("mjskip: ")]
+                print(
+                    f"{name}, {hardship}: code {done.returncode} {said[-1:]} {wrong}",
+                    file=sys.stderr,
+                )
+                if wrong:
+                    print(done.stderr[-1500:], file=sys.stderr)
     return found
 
 
 def kills(count: int, seed: int) -> dict[str, int]:
-    """Kill commands at random moments and ask for the same again."""
+    """Kill commands at random moments and ask for the same again, now and then in peace."""
     generator = random.Random(seed)
     counts: Counter[str] = Counter(
-        {"killed": 0, "finished before": 0, "lost chunks": 0, "left": 0, "failed again": 0}
-    )
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        lengths = {}
-        for command, (words, file) in COMMANDS.items():
+        {
+            "killed": 0, "finished before": 0, "in peace after": 0, "lost chunks": 0,
+            "half files": 0, "left": 0, "failed again": 0, "kept chunks": 0,
+        }
+    )  # fmt: skip
+    with tempfile.TemporaryDirectory() as place:
+        whole, lengths = Path(place) / "whole", {}
+        whole.mkdir()
+        for name in COMMANDS:
             started = time.monotonic()
-            run(words, folder / f"whole_{file}")
-            lengths[command] = time.monotonic() - started
+            run(name, whole)
+            lengths[name] = time.monotonic() - started
+        sizes = {file: (whole / file).stat().st_size for _, file in COMMANDS.values() if file}
         for number in range(count):
-            command = generator.choice(sorted(COMMANDS))
-            words, file = COMMANDS[command]
-            target = folder / file
+            name = generator.choice(sorted(COMMANDS))
+            folder = Path(place) / name
+            folder.mkdir(exist_ok=True)
+            before = finished_chunks(folder)
             process = subprocess.Popen(
-                [sys.executable, "-m", "mjskip", *words, str(target)],
-                stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-            )  # fmt: skip
-            time.sleep(generator.uniform(0.2, 1.0) * lengths[command])
+                command(name, folder), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+            )
+            time.sleep(generator.uniform(0.1, 1.0) * lengths[name])
             process.send_signal(signal.SIGKILL)
             counts["killed" if process.wait() < 0 else "finished before"] += 1
-            before = finished_chunks(target)
-            if number % 5 == 4:  # and then in peace
-                code, errors = run(words, target)
-                if code or "Traceback" in errors:
-                    counts["failed again"] += 1
-                    print(errors[-800:], file=sys.stderr)
-                part = f".{Path(file).stem}."
-                counts["left"] += sum(p.name.startswith(part) for p in folder.iterdir())
-            counts["lost chunks"] += len(before - finished_chunks(target))
+            counts["half files"] += half_written(folder, sizes)
+            counts["lost chunks"] += len(before - finished_chunks(folder))
+            if generator.random() < 0.25:
+                before = finished_chunks(folder)
+                again = run(name, folder)
+                wrong = judge(again, folder, None)
+                counts["in peace after"] += 1
+                counts["left"] += len(leftovers(folder))
+                counts["failed again"] += bool(again.returncode or "traceback" in wrong)
+                counts["half files"] += half_written(folder, sizes)
+                counts["lost chunks"] += len(before - finished_chunks(folder))
+                counts["kept chunks"] += len(before)
+                if wrong:
+                    print(f"{name}: {wrong} {again.stderr[-800:]}", file=sys.stderr)
+                shutil.rmtree(folder)
             print(f"\r{number + 1} of {count} kills", end="", file=sys.stderr)
     print(file=sys.stderr)
     return dict(counts)
 
 
-def finished_chunks(store: Path) -> set[tuple[str, bytes]]:
-    """Chunks of a store with their bytes."""
-    chunks = (store / "status" / "c").rglob("*") if store.suffix == ".zarr" else ()
-    return {(str(path), path.read_bytes()) for path in chunks if path.is_file()}
+def half_written(folder: Path, sizes: dict[str, int]) -> int:
+    """Files that are there under their names and are not whole."""
+    found = [path for path in folder.iterdir() if path.name in sizes and path.is_file()]
+    return sum(abs(path.stat().st_size - sizes[path.name]) > 200 for path in found)
+
+
+def finished_chunks(folder: Path) -> set[tuple[str, float, bytes]]:
+    """Finished chunks of a store: where, since when, and with what bytes."""
+    chunks = (folder / "sweep.zarr" / "status" / "c").rglob("*")
+    return {
+        (str(path), path.stat().st_mtime, path.read_bytes())
+        for path in chunks
+        if path.is_file() and ".part" not in path.name
+    }
 
 
 def main() -> int:
@@ -181,7 +218,8 @@ def main() -> int:
             {"seed": options.seed, "hardships with faults": wrong, "kills": killed}, indent=1
         )
     )
-    return int(bool(wrong) or bool(killed["lost chunks"] + killed["left"] + killed["failed again"]))
+    faults = ("lost chunks", "half files", "left", "failed again")
+    return int(bool(wrong) or any(killed[name] for name in faults))
 
 
 if __name__ == "__main__":

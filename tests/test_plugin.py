@@ -545,30 +545,77 @@ def test_a_batch_whose_stones_differ_knows_each():
         np.testing.assert_array_equal(qpos[k], data.qpos)
 
 
-def test_thousands_of_stones_are_found_again_and_the_older_half_is_forgotten(monkeypatch):
+def test_thousands_of_stones_are_found_again_and_those_nobody_uses_are_forgotten(monkeypatch):
     class Kept:
         def __init__(self, key):
-            self.record, self.nbytes = np.full(15, float(key)), 120
+            self.record, self.nbytes = np.full(15, float(key)), 20
 
-    records = plugin_module._Records.__new__(plugin_module._Records)
     monkeypatch.setattr(plugin_module._Records, "KEPT_BYTES", 120 * 4000)
     root = plugin_module.kernels.root.copy()
     try:
-        records.__init__()
+        records = plugin_module._Records()
+        monkeypatch.setattr(plugin_module.kernels, "as_words", lambda _: records.table)
+        look_up = plugin_module.kernels._look_up.py_func
+        keys = np.random.default_rng(1).integers(2, 2**62, 20_000).tolist()
         made = {}
-        for key in np.random.default_rng(1).integers(2, 2**62, 4000).tolist():
+        for number, key in enumerate(keys):
             made[key] = Kept(key)
             records.add(key, made[key])
-        look_up = plugin_module.kernels._look_up.py_func
+            if number == 3999:
+                for known, kept in made.items():
+                    assert look_up(root, known) == kept.record.ctypes.data
+                assert look_up(root, 2**62 + 1) == -1
+            assert look_up(root, keys[number % 100]) == made[keys[number % 100]].record.ctypes.data
+        assert set(keys[:100]) < set(records.made)  # looked up all the time
+        assert keys[200] not in records.made
+        assert look_up(root, keys[200]) == -1
+        assert len(records.made) <= 2 * 4001
+        assert records._bytes == 120 * len(records.made)
+    finally:
+        plugin_module.kernels.root[:] = root
+
+
+def test_what_models_in_use_look_up_is_never_forgotten_however_much_it_is(monkeypatch):
+    class Kept:
+        nbytes = 20
+
+        def __init__(self):
+            self.record = np.zeros(15)
+
+    monkeypatch.setattr(plugin_module._Records, "KEPT_BYTES", 120 * 50)
+    root = plugin_module.kernels.root.copy()
+    try:
+        records = plugin_module._Records()
         monkeypatch.setattr(plugin_module.kernels, "as_words", lambda _: records.table)
-        for key, kept in made.items():
-            assert look_up(plugin_module.kernels.root, key) == kept.record.ctypes.data
-        assert look_up(plugin_module.kernels.root, 2**62 + 1) == -1
-        records.add(7, Kept(7))
-        records.add(8, Kept(8))
-        assert list(records.made) == [*list(made)[2000:], 7, 8][-len(records.made) :]
-        assert len(records.made) in (2001, 2002)
-        assert look_up(plugin_module.kernels.root, next(iter(made))) == -1
+        look_up = plugin_module.kernels._look_up.py_func
+        for key in range(2, 502):  # ten times what is set aside, all of it in use
+            records.add(key, Kept())
+            assert all(look_up(root, known) > 0 for known in range(2, key + 1))
+    finally:
+        plugin_module.kernels.root[:] = root
+
+
+def test_models_that_are_freed_leave_no_more_than_what_is_set_aside(monkeypatch):
+    monkeypatch.setattr(plugin_module._Records, "KEPT_BYTES", 2**17)
+    records = plugin_module._Records()
+    root = plugin_module.kernels.root.copy()
+    monkeypatch.setattr(plugin_module, "_records", records)
+    plugin_module.kernels.root[plugin_module.kernels.TABLE] = records.table.ctypes.data
+    try:
+        kept = mujoco.MjModel.from_xml_string(
+            xml(stone_xml(instance="lake"), instances={"lake": {}})
+        )
+        data = mujoco.MjData(kept)
+        (record,) = (k for k in records.made.values() if not isinstance(k, int))
+        for number in range(60):
+            water = {"density": 900 + number}
+            text = xml(stone_xml(instance="lake"), instances={"lake": water})
+            mujoco.mj_step(kept, data)
+            model = mujoco.MjModel.from_xml_string(text)
+            mujoco.mj_step(model, mujoco.MjData(model))
+        assert record in records.made.values()
+        assert records._bytes <= 2 * records.KEPT_BYTES + record.nbytes + 200
+        assert sum(not isinstance(k, int) for k in records.made.values()) < 60
     finally:
         plugin_module.kernels.root[:] = root
 

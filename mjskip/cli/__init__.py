@@ -89,7 +89,9 @@ def _code_of(error: Exception) -> int:
         return 141
     if isinstance(error, OSError):
         where = f" ({error.filename})" if error.filename else ""
-        return _fail(f"{error.strerror or error}{where}: the system refuses a file or a resource", 2)
+        return _fail(
+            f"{error.strerror or error}{where}: the system refuses a file or a resource", 2
+        )
     if isinstance(error, MemoryError | ImportError):
         kind = "out of memory" if isinstance(error, MemoryError) else "a library cannot be loaded"
         text = " ".join(str(error).split())

@@ -15,10 +15,12 @@ Of a large mesh some words are hashed at every call, with the address of the mod
               gravity and time step in mjModel; number of the plugin, of its key `radiation`; addresses of what lets
               bodies radiate (`_sea_kernels`); offsets of the members of mjModel and
               mjData below
-    table     number of slots, then pairs (hash, address of the record; 0: cannot be built, 1: dry)
+    table     number of slots, number of the round, then rows (hash, address of the record; 0: cannot be built, 1: dry;
+              round in which it was last looked up)
     request   what is asked, body, instance, hash; answer: address of the record, error message
 
-A table is only ever added to, value before key, or replaced by another whose address is put in the root.
+A table is only ever added to, value before key, or replaced by another whose address is put in the root. What is looked up
+is stamped, so that records which no model uses any more can be told from others.
 """
 
 import ctypes
@@ -47,7 +49,8 @@ MOVING_COMPUTE, MOVING_ADVANCE, MOVING_DRAW = 8, 9, 10  # 0 until an instance ne
 SCENE_MAXGEOM, SCENE_NGEOM, SCENE_GEOMS, GEOM_BYTES = 11, 12, 13, 14
 RADIATION_KEY, SEA_ACT, SEA_ADVANCE, SEA_SENSE = 15, 16, 17, 18
 MEMBERS = 19
-SLOTS, PAIRS = 0, 1
+SLOTS, ROUND, ROWS = 0, 1, 2
+ROW = 3
 ASK, BODY, INSTANCE, KEY, ANSWER, MESSAGE, REQUEST = 0, 1, 2, 3, 4, 5, 6
 CONFIGURATION, HULL, FRESH_HULL, DOUBTS, TOO_LARGE_STEP, SURFACE, STATE_SIZE = range(7)
 """What is asked: whether a configuration is allowed; a record; the same after a look at all of its meshes;
@@ -351,11 +354,15 @@ def _look_up(table: Any, key: int) -> Any:
     records = as_words(table[TABLE])
     slots = records[SLOTS]
     k = key & (slots - 1)
-    while records[PAIRS + 2 * k] != key:
-        if records[PAIRS + 2 * k] == 0:
+    row = ROWS + ROW * k
+    while records[row] != key:
+        if records[row] == 0:
             return -1
         k = (k + 1) & (slots - 1)
-    return records[PAIRS + 2 * k + 1]
+        row = ROWS + ROW * k
+    if records[row + 2] != records[ROUND]:
+        records[row + 2] = records[ROUND]
+    return records[row + 1]
 
 
 @kernel

@@ -44,8 +44,9 @@ from __future__ import annotations
 import ctypes
 import threading
 import warnings
+import weakref
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -271,72 +272,91 @@ def _keep_for_ever(objects: Any) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class _Kept:
-    """A record with what it points to, and the hull it was made of."""
+    """A record with what it points to, and the hull it was made of as long as the registry has it."""
 
     record: npt.NDArray[np.float64]
     blocks: tuple[npt.NDArray[np.float64], ...] = ()
-    built: BuiltHull | None = None
+    built: weakref.ref[BuiltHull] | None = None
 
     @property
     def nbytes(self) -> int:
         return self.record.nbytes + sum(block.nbytes for block in self.blocks)
 
 
-class _Records:
-    """Every record that was made, by the hash of what it was made from.
+def _bytes_of(found: _Kept | int) -> int:
+    """Memory that a row of the table and its record take, about."""
+    return 100 if isinstance(found, int) else 100 + found.nbytes
 
-    Compiled code reads the table at any time, from any thread. Tables that were replaced are kept, and
-    records that were dropped too, until as many again are dropped: the older half when memory runs short.
+
+class _Records:
+    """Records by the hash of what they were made from, as long as somebody looks them up.
+
+    Compiled code reads the table at any time, from any thread, and stamps what it looks up with the number of the
+    round. A round ends when the records fill the memory set aside, and twice what was in use as the round began:
+    what nobody looked up in it is dropped. A thread may still be reading what was dropped, or a table
+    that was replaced: both stay until the next round ends.
     """
 
-    KEPT_BYTES = 2**26
+    KEPT_BYTES = 2**25
 
     def __init__(self) -> None:
         self.made: dict[int, _Kept | int] = {}
         self._bytes = 0
+        self._most = self.KEPT_BYTES
+        self._round = 0
         self._retired: list[Any] = []
         self._dropped: list[Any] = []
-        self._set_slots(1024)
+        self._set_slots({})
 
     def add(self, key: int, found: _Kept | int) -> int:
         """Remember a record, or kernels.CANNOT or DRY; what the table has for it."""
-        if self._bytes > self.KEPT_BYTES:
-            self._drop_older_half()
+        if self._bytes > self._most:
+            self._end_round()
         elif 2 * len(self.made) >= self.table[kernels.SLOTS]:
             self._retired.append(self.table)
-            self._set_slots(2 * int(self.table[kernels.SLOTS]))
+            self._set_slots(self._stamps())
         if key in self.made:
             self._retired.append(self.made[key])
         self.made[key] = found
-        self._bytes += 0 if isinstance(found, int) else found.nbytes
-        return self._put(key, found)
+        self._bytes += _bytes_of(found)
+        return self._put(key, found, self._round)
 
-    def _drop_older_half(self) -> None:
-        old = self.made
-        self._dropped = [*self._retired, self.table, old]
+    def _end_round(self) -> None:
+        stamps, made = self._stamps(), self.made
+        self._dropped = [*self._retired, self.table, made]
         self._retired = []
-        self.made = dict(list(old.items())[len(old) // 2 :])
-        self._bytes = sum(0 if isinstance(k, int) else k.nbytes for k in self.made.values())
-        slots = 1024
-        while slots <= 2 * len(self.made):
-            slots *= 2
-        self._set_slots(slots)
+        self.made = {key: found for key, found in made.items() if stamps[key] == self._round}
+        self._bytes = sum(map(_bytes_of, self.made.values()))
+        self._most = max(self.KEPT_BYTES, 2 * self._bytes)
+        self._round += 1
+        self._set_slots(stamps)
 
-    def _set_slots(self, slots: int) -> None:
-        self.table = np.zeros(kernels.PAIRS + 2 * slots, dtype=np.int64)
-        self.table[kernels.SLOTS] = slots
+    def _stamps(self) -> dict[int, int]:
+        """The round in which each record was last looked up, by its hash."""
+        rows = self.table[kernels.ROWS :].reshape(-1, kernels.ROW)
+        rows = rows[rows[:, 0] != 0]
+        return dict(zip(rows[:, 0].tolist(), rows[:, 2].tolist(), strict=True))
+
+    def _set_slots(self, stamps: Mapping[int, int]) -> None:
+        """A new table of all records, at most a quarter full."""
+        slots = 1024
+        while slots <= 4 * len(self.made):
+            slots *= 2
+        self.table = np.zeros(kernels.ROWS + kernels.ROW * slots, dtype=np.int64)
+        self.table[kernels.SLOTS], self.table[kernels.ROUND] = slots, self._round
         for key, found in self.made.items():
-            self._put(key, found)
+            self._put(key, found, stamps[key])
         kernels.root[kernels.TABLE] = self.table.ctypes.data
 
-    def _put(self, key: int, found: _Kept | int) -> int:
+    def _put(self, key: int, found: _Kept | int, stamp: int) -> int:
         mask = int(self.table[kernels.SLOTS]) - 1
         k = key & mask
-        while self.table[kernels.PAIRS + 2 * k] not in (0, key):
+        while self.table[kernels.ROWS + kernels.ROW * k] not in (0, key):
             k = (k + 1) & mask
+        row = kernels.ROWS + kernels.ROW * k
         value = found if isinstance(found, int) else found.record.ctypes.data
-        self.table[kernels.PAIRS + 2 * k + 1] = value
-        self.table[kernels.PAIRS + 2 * k] = key
+        self.table[row + 1], self.table[row + 2] = value, stamp
+        self.table[row] = key
         return value
 
 
@@ -397,7 +417,7 @@ def _find_record(view: Any, body: int, told: PluginSettings, key: int, what: int
         return _records.add(key, kernels.DRY)
     inertia = inertia_of(view, body, wet.members)
     built = hull_of(view, wet, told.options, inertia)
-    if isinstance(known, _Kept) and known.built is built:
+    if isinstance(known, _Kept) and known.built is not None and known.built() is built:
         return int(known.record.ctypes.data)
     if built.hull is None:
         return _records.add(key, kernels.DRY)
@@ -408,7 +428,7 @@ def _find_record(view: Any, body: int, told: PluginSettings, key: int, what: int
         split, block[:] = told.surface.split(block)
         record = np.append(record, np.array([split.ctypes.data], np.int64).view(np.float64))
         blocks += (split,)
-    return _records.add(key, _Kept(record=record, blocks=blocks, built=built))
+    return _records.add(key, _Kept(record=record, blocks=blocks, built=weakref.ref(built)))
 
 
 def _find_surface(view: Any, told: PluginSettings, key: int) -> int:

@@ -84,7 +84,7 @@ class BuiltHull:
 class Registry:
     """Hulls by content; the least recently used go when they fill the memory that is set aside."""
 
-    KEPT_BYTES = 2**28
+    KEPT_BYTES = 2**26
 
     def __init__(self) -> None:
         self._lock = threading.RLock()
