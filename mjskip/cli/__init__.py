@@ -85,15 +85,15 @@ def _code_of(error: Exception) -> int:
     if isinstance(error, MjskipError | ValueError):
         return _fail(" ".join(str(error).split()), 2)
     if isinstance(error, BrokenPipeError):  # whoever read our output has gone
-        sys.stdout = None  # type: ignore[assignment]
+        sys.stdout = None
         return 141
     if isinstance(error, OSError):
         where = f" ({error.filename})" if error.filename else ""
         return _fail(
             f"{error.strerror or error}{where}: the system refuses a file or a resource", 2
         )
-    if isinstance(error, MemoryError | ImportError):
-        kind = "out of memory" if isinstance(error, MemoryError) else "a library cannot be loaded"
+    if isinstance(error, MemoryError | ImportError) or str(error) == "can't start new thread":
+        kind = "a library cannot be loaded" if isinstance(error, ImportError) else "out of memory"
         text = " ".join(str(error).split())
         return _fail(f"{kind}{f' ({text})' if text else ''}: ask for less, or free memory", 2)
     raise error

@@ -57,8 +57,8 @@ class HullOptions:
     strict: bool = False
 
     def __post_init__(self) -> None:
-        check_count("resolution", self.resolution, low=4)
-        if check_count("max_faces", self.max_faces, low=0) in range(1, FEWEST_FACES):
+        check_count("resolution", self.resolution, low=4, high=primitives.MOST_SEGMENTS)
+        if check_count("max_faces", self.max_faces, low=0, high=2**31) in range(1, FEWEST_FACES):
             raise fault("max_faces", self.max_faces, f"give at least {FEWEST_FACES}, or 0 for all")
         check_choice("interior", self.interior, INTERIORS)
         check_switch("strict", self.strict)

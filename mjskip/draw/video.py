@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import re
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -85,7 +86,7 @@ def write_video(
     check_video_path(path)
     check_size(size)
     check_fps(fps)
-    with whole_file(path) as part, _encoder(part, size, fps, quality) as add:
+    with whole_file(path) as part, _encoder(part, path, size, fps, quality) as add:
         for done, image in enumerate(images, start=1):
             add(image)
             if progress is not None:
@@ -131,7 +132,7 @@ def ffmpeg() -> str:
 
 @contextlib.contextmanager
 def _encoder(
-    path: Path, size: tuple[int, int], fps: float, quality: int
+    path: Path, target: Path, size: tuple[int, int], fps: float, quality: int
 ) -> Iterator[Callable[[Image], Any]]:
     import mediapy
 
@@ -155,7 +156,10 @@ def _encoder(
         if not isinstance(error, BrokenPipeError) and process.poll() is None:
             raise  # not the encoder's: it still runs
         said = f"{error}\n{_last_words(process)}".strip().splitlines()
-        raise RenderError(f"the video encoder failed: {said[-1]}") from error
+        reason = re.sub(r"^(\[[^]]*\] *)+", "", said[-1])  # which part of ffmpeg says it
+        raise RenderError(
+            f"{target} cannot be written, the video encoder failed: {reason}"
+        ) from error
     finally:
         _end(process)
 

@@ -11,9 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip._typing import Array
-from mjskip.checks import check_positive
+from mjskip.checks import check_count, check_positive
 from mjskip.errors import MeshError
 from mjskip.hydro.hull import Hull, disc_of
+from mjskip.hydro.primitives import MOST_SEGMENTS
 
 GRANITE = 2600.0
 """Density of the stones made here unless another is given [kg/m^3]."""
@@ -76,8 +77,7 @@ class Stone(Hull):
         mass: float | None = None,
     ) -> Stone:
         """Two spherical caps rim to rim: `rings` steps from apex to rim, `segments` around [m]."""
-        if rings < 1:
-            raise ValueError(f"rings is {rings!r}: a lens needs at least 1 step from apex to rim")
+        rings = check_count("rings", rings, high=MOST_SEGMENTS)
         check_positive(radius=radius, thickness=thickness)
         half = 0.5 * thickness
         sphere = (radius**2 + half**2) / (2.0 * half)
@@ -104,8 +104,7 @@ class Stone(Hull):
     ) -> Stone:
         """Body of revolution from (radius, height) fractions, top apex to bottom apex."""
         check_positive(radius=radius, thickness=thickness)
-        if segments < 3:
-            raise ValueError(f"segments is {segments!r}: a rim needs at least 3")
+        segments = check_count("segments", segments, low=3, high=MOST_SEGMENTS)
         turn = 2.0 * np.pi * np.arange(segments) / segments
         rim = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(segments)])
         rings = [rim * (r * radius) + [0.0, 0.0, z * thickness] for r, z in profile[1:-1]]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
@@ -92,9 +92,16 @@ class Job:
 
 
 def run_chunk(
-    job: Job, index: tuple[slice, ...], *, threads: int | None = None
+    job: Job,
+    index: tuple[slice, ...],
+    *,
+    threads: int | None = None,
+    progress: Callable[[int], None] | None = None,
 ) -> dict[str, np.ndarray[Any, Any]]:
-    """The throws of one block of the grid: an array of the block's shape for every result."""
+    """The throws of one block of the grid: an array of the block's shape for every result.
+
+    `progress` is called with the throws that are done, by the engine that does one after the other.
+    """
     shape = tuple(part.stop - part.start for part in index)
     names = list(job.design.sizes)
     base = job.base
@@ -113,9 +120,10 @@ def run_chunk(
             todo.append((k, stone, throw, _water_of(job.water, row)))
         except (ValueError, MjskipError) as error:
             found["status"][k], found["reason"][k] = "refused", _line(error)
-    run = _by_reference if job.engine == "reference" else _by_mujoco
-    if todo:
-        run(job, todo, found, threads)
+    if todo and job.engine == "reference":
+        _by_reference(job, todo, found, threads)
+    elif todo:
+        _by_mujoco(job, todo, found, progress)
     return {name: values.reshape(shape) for name, values in found.items()}
 
 
@@ -136,9 +144,13 @@ def _by_reference(job: Job, todo: list[Any], found: dict[str, Any], threads: int
             found["reason"][row] = f"not finite at t = {time:.6g} s: use a smaller time step"
 
 
-def _by_mujoco(job: Job, todo: list[Any], found: dict[str, Any], threads: int | None) -> None:
+def _by_mujoco(
+    job: Job, todo: list[Any], found: dict[str, Any], progress: Callable[[int], None] | None
+) -> None:
     integrator = job.integrator or (None if job.scene else "RK4")
-    for k, stone, throw, water in todo:
+    for done, (k, stone, throw, water) in enumerate(todo):
+        if progress:
+            progress(done)
         try:
             if job.scene is None:
                 scene = scene_of(stone, gravity=job.gravity)

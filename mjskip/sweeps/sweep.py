@@ -18,7 +18,7 @@ from mjskip.checks import check_choice, check_count, check_path, check_positive,
 from mjskip.errors import MjskipWarning
 from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
-from mjskip.sweeps.batch import AIR_TOLERANCE, AIRS, Air
+from mjskip.sweeps.batch import AIR_TOLERANCE, AIRS, MOST_THREADS, Air
 from mjskip.sweeps.design import Design
 from mjskip.sweeps.job import Job, run_chunk
 from mjskip.sweeps.store import MemoryStore, Store, open_store
@@ -97,12 +97,30 @@ def sweep(
     job = _job(scene, design, throw, water, engine, integrator, timestep, limits, air)
     check_count("chunk", chunk)
     if threads is not None:
-        check_count("threads", threads)
+        check_count("threads", threads, high=MOST_THREADS)
     if scheduler is not None:
         check_type("scheduler", scheduler, str, "give an address such as tcp://127.0.0.1:8786")
+    job.limits.check_steps(job.timestep, bodies=int(engine == "mujoco"))
     _warn_timestep(job)
     shape = chunk_shape(tuple(design.sizes.values()), chunk)
     place: Store = _store(path, design, shape, job)
+    try:
+        _finish(place, job, shape, threads, scheduler, progress)
+        return place.dataset(request(job))
+    finally:
+        place.close()
+
+
+def _finish(
+    place: Store,
+    job: Job,
+    shape: tuple[int, ...],
+    threads: int | None,
+    scheduler: str | None,
+    progress: Progress | None,
+) -> None:
+    """Do the chunks that the store lacks."""
+    design = job.design
     todo, done = [], 0
     for index in _chunks(design, shape):
         if place.finished(index):
@@ -119,14 +137,17 @@ def sweep(
         if progress:
             progress(done, design.size)
 
+    def tell(within: int) -> None:
+        if progress:
+            progress(done + within, design.size)
+
     if scheduler is None:
         for index in todo:
-            take(index, run_chunk(job, index, threads=threads))
+            take(index, run_chunk(job, index, threads=threads, progress=tell))
     elif todo:
         from mjskip.sweeps.cluster import run_on_cluster
 
         run_on_cluster(scheduler, job, todo, take)
-    return place.dataset(request(job))
 
 
 def _store(path: PathLike | None, design: Design, shape: tuple[int, ...], job: Job) -> Store:

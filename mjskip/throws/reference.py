@@ -84,6 +84,7 @@ def integrate(
         frozen_attitude=frozen_attitude,
         rtol=rtol,
     )
+    limits.check_steps(timestep, bodies=1)
     recorder = Recorder(name, stone, water, limits, gravity=gravity)
     done, states = 0, moving.start()
     while True:

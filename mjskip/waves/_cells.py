@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip._typing import Array
-from mjskip.checks import check_number, fault
+from mjskip.checks import check_memory, check_number, fault
 from mjskip.waves import _block_kernels as kernels
 from mjskip.waves._stencil import reach_of
 from mjskip.waves.grid import SurfaceArray, WaveGrid
@@ -159,6 +159,11 @@ class CellBlocks:
             ):
                 return None
         i, j = self._whole_cell(math.ceil(p - reach)), self._whole_cell(math.ceil(q - reach))
+        check_memory(
+            f"a round load of {radius:g} m on cells of {self.spacing:g} m",
+            16.0 * (2.0 * reach + 1.0) ** 2,
+            "give a smaller radius, or a larger spacing",
+        )
         block = np.zeros((math.floor(p + reach) - i + 1, math.floor(q + reach) - j + 1), np.float32)
         return block, i, j, (p - i, q - j), reach
 
@@ -184,11 +189,13 @@ def checked_shape(shape: tuple[int, int]) -> tuple[int, int]:
     """Two whole numbers of at least 3."""
     try:
         nx, ny = (int(n) for n in shape)
-        if (nx, ny) == tuple(shape) and min(nx, ny) >= 3:
+        if (nx, ny) == tuple(shape) and min(nx, ny) >= 3 and max(nx, ny) <= FARTHEST:
             return nx, ny
     except (TypeError, ValueError, OverflowError):
         pass
-    raise fault("shape", shape, "give two whole numbers of at least 3, (cells x, cells y)")
+    raise fault(
+        "shape", shape, f"give two whole numbers from 3 to {FARTHEST:g}, (cells x, cells y)"
+    )
 
 
 def finite_array(name: str, values: npt.ArrayLike) -> Array:

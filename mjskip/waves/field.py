@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import copy
+import math
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 import numpy.typing as npt
@@ -15,12 +14,14 @@ from mjskip._typing import Array, PathLike
 from mjskip.checks import (
     check_choice,
     check_count,
+    check_memory,
     check_number,
     check_path,
     check_positive,
     check_vector,
     fault,
 )
+from mjskip.files import reading, whole_file
 from mjskip.waves import _block_kernels as kernels
 from mjskip.waves._cells import CellBlocks, TerrainMask, checked_shape, finite_array
 from mjskip.waves._stencil import (
@@ -125,7 +126,7 @@ class HeightField(CellBlocks):
         self.stencil: Stencil = check_choice("stencil", stencil, STENCILS)
         self.boundary: str = check_choice("boundary", boundary, BOUNDARIES)
         if threads is not None:
-            threads = check_count("threads", threads)
+            threads = check_count("threads", threads, high=1024)
         self._describe(spacing, wave_speed, damping, centre, sleep_amplitude)
         if boundary == "absorb" and self.sleep_amplitude > 0.0:
             raise ValueError(
@@ -299,6 +300,10 @@ class HeightField(CellBlocks):
         Returns:
             Elevation (nx, ny) [m] and the positions of its cells along x (nx,) and y (ny,) [m].
         """
+        shape = check_count("shape", shape[0]), check_count("shape", shape[1])
+        check_memory(
+            f"a window of {shape[0]} x {shape[1]} cells", 16.0 * math.prod(shape), "give fewer"
+        )
         places = self._in_cells(x, y)
         i, j = (
             self._whole_cell(float(p) - (n - 1) / 2) - self._margin
@@ -452,7 +457,11 @@ class HeightField(CellBlocks):
     def save(self, path: PathLike) -> None:
         """Write settings and state to a NumPy archive; `load` goes on from there to the last bit.
 
-        Loads that wait for the next step are not kept, nor is a terrain mask that is a function.
+        Loads that wait for the next step are not kept, nor is a terrain mask that is a function. The file appears
+        whole or not at all.
+
+        Raises:
+            MjskipError: the folder does not exist or cannot be written to.
         """
         names = (
             "spacing",
@@ -468,7 +477,7 @@ class HeightField(CellBlocks):
         mask = self.terrain_mask
         if mask is not None:
             settings["terrain_mask"] = np.empty(0) if callable(mask) else mask
-        with check_path("path", path).open("wb") as file:
+        with whole_file(check_path("path", path)) as part, part.open("wb") as file:
             np.savez(file, shape=self.shape or (), **settings, **self.grid.state())  # type: ignore[arg-type]
 
     @classmethod
@@ -480,13 +489,11 @@ class HeightField(CellBlocks):
             terrain_mask: the function that the water was made with, if it was one.
 
         Raises:
-            ValueError: the file is not there or is no water surface.
+            MjskipError: the file is not there or is no water surface.
         """
-        try:
-            with (
-                Path(check_path("path", path)).open("rb") as file,
-                np.load(file, allow_pickle=False) as archive,
-            ):
+        path = check_path("path", path)
+        with reading(path, what="a water surface", writer="HeightField.save"):
+            with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
                 stored = {name: archive[name] for name in archive.files}
             numbers: dict[str, Any] = {
                 name: float(stored[name])
@@ -506,8 +513,4 @@ class HeightField(CellBlocks):
                 )  # fmt: skip
             field.grid.restore(stored)
             field.time = float(stored["time"])
-        except (OSError, KeyError, TypeError, ValueError, EOFError, BadZipFile) as problem:
-            raise ValueError(
-                f"{path} holds no water surface ({problem}): give a file that HeightField.save wrote"
-            ) from problem
         return field

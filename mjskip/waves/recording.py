@@ -25,6 +25,9 @@ from mjskip.checks import check_number, check_positive
 from mjskip.waves.field import HeightField
 from mjskip.waves.grid import SurfaceArray
 
+MOST_MOMENTS = 1e6
+"""Of a recording; one takes some ten to some thousand kilobytes."""
+
 IN_MEMORY = 1 << 28
 """Bytes of a recording beyond which it goes into a temporary file."""
 
@@ -47,6 +50,22 @@ class SurfaceFrames:
     def __post_init__(self) -> None:
         check_positive(rate=self.rate)
         check_number("linger", self.linger, low=0.0, high=3600.0, unit="s")
+        self._check_moments(self.rate * self.linger)
+
+    def check_duration(self, duration: float, timestep: float) -> None:
+        """Refuse a record of a run [s], in steps of this size [s], of too many moments.
+
+        Raises:
+            ValueError: says how many they are.
+        """
+        self._check_moments(min(self.rate, 1.0 / timestep) * duration + self.rate * self.linger)
+
+    def _check_moments(self, count: float) -> None:
+        if count > MOST_MOMENTS:
+            raise ValueError(
+                f"the surface would be recorded {count:.3g} times: at most {MOST_MOMENTS:g} are allowed; give a "
+                "smaller rate (fps, slow), linger or duration"
+            )
 
 
 class SurfaceRecording:
