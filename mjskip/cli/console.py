@@ -124,4 +124,6 @@ class _Rate(ProgressColumn):
 
     def render(self, task: Task) -> Text:
         """The rate of a task as text."""
-        return Text(f"{task.speed:.3g}/s" if task.speed else "")
+        if not task.speed:
+            return Text("")
+        return Text(f"{task.speed:.0f}/s" if task.speed >= 10.0 else f"{task.speed:.2g}/s")
