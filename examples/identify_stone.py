@@ -45,7 +45,7 @@ def record() -> tuple[np.ndarray, np.ndarray, State]:
         limits=mjskip.Limits(duration=TIMESTEP * STEPS, sink_depth=1000.0, max_contact=10.0),
     )
     rows = np.arange(1, STEPS // EVERY + 1) * EVERY * 5
-    return flight.x[rows], flight.velocity[rows], State(start.position, start.q, start.velocity, start.omega)  # fmt: skip
+    return flight.position[rows], flight.velocity[rows], State(start.position, start.q, start.velocity, start.omega)  # fmt: skip
 
 
 def _mesh() -> object:
@@ -71,7 +71,7 @@ def main() -> None:
     def residual(guess: jax.Array) -> jax.Array:
         """What is seen less what a guess of (mass, density) would show, in units of the noise."""
         mass, density = guess
-        states = mjskip.jax.fly(
+        states = mjskip.jax.free_flight(
             start,
             lambda state: load(state, density=density),
             steps=STEPS,

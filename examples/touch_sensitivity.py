@@ -48,7 +48,7 @@ def main() -> None:
     load = mjskip.jax.wrench(STONE)
 
     def after(throw: jax.Array) -> jax.Array:
-        states = mjskip.jax.fly(
+        states = mjskip.jax.free_flight(
             released(throw), load, steps=STEPS, timestep=TIMESTEP, mass=STONE.mass, inertia=STONE.inertia
         )  # fmt: skip
         v, q = states.velocity[-1], states.q[-1]
@@ -89,7 +89,7 @@ def limits_of_gradients() -> None:
     for attack in attacks:
         throw = mjskip.Throw.from_degrees(attack=attack)  # else the default throw
         flight = mjskip.integrate(STONE, throw, timestep=1e-3, limits=mjskip.Limits(duration=3.0))
-        ends.append(flight.x[-1, 0])
+        ends.append(flight.position[-1, 0])
     distance = np.array(ends)
     slope = np.sign(np.gradient(distance))
     peaks = int(np.sum((slope[:-1] > 0) & (slope[1:] < 0)))

@@ -15,7 +15,7 @@ from mjskip._typing import Array
 
 T = TypeVar("T")
 
-LONGEST = 60
+MAX_SHOWN = 60
 """Characters of a value that are shown."""
 
 SMALL = 2**26
@@ -25,8 +25,8 @@ SMALL = 2**26
 def fault(name: str, value: object, remedy: str) -> ValueError:
     """The error to raise: "speed is 'fast': give a number"."""
     text = " ".join(repr(value).split())
-    if len(text) > LONGEST:
-        text = f"{text[:LONGEST]}..."
+    if len(text) > MAX_SHOWN:
+        text = f"{text[:MAX_SHOWN]}..."
     return ValueError(f"{name} is {text}: {remedy}")
 
 

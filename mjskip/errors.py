@@ -36,4 +36,4 @@ class RenderError(MjskipError):
 
 
 class MjskipWarning(UserWarning):
-    """A physical doubt: the run goes on, with both numbers in the text."""
+    """A result that may not be right physically: the run goes on, with both numbers in the text."""

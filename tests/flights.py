@@ -31,7 +31,7 @@ def flight(*, rows=400, timestep=1e-3, seed=0):
     still = np.zeros((rows, 3))
     return Trajectory(
         time=time,
-        x=x,
+        position=x,
         q=q,
         P=still,
         L=still,

@@ -60,8 +60,8 @@ def test_a_batch_does_what_integrate_does_to_the_last_bit(method):
         assert single.end == done.end[k]
         assert len(single.time) - 1 == done.steps[k]
         assert single.time[-1] == done.time[k]
-        assert single.x[-1, 0] - single.x[0, 0] == done.distance[k]
-        assert single.x[-1, 1] - single.x[0, 1] == done.drift[k]
+        assert single.position[-1, 0] - single.position[0, 0] == done.distance[k]
+        assert single.position[-1, 1] - single.position[0, 1] == done.drift[k]
         assert max(c.depth for c in single.contacts) == done.depth[k]
         assert touch.entry.time == done.first_entry[k]
         if touch.exit is None:
@@ -107,7 +107,7 @@ def test_long_steps_in_the_air_follow_the_yardstick(stone, spin):
     assert done.steps.max() < 1000  # half of the ordinary ones
     for k, throw in enumerate(throws):
         yardstick = integrate(stone, throw, integrator="adaptive", rtol=1e-12, limits=limits)
-        way = yardstick.x[-1] - yardstick.x[0]
+        way = yardstick.position[-1] - yardstick.position[0]
         # at most a thousand steps that each err by 1e-8 of 12 m/s, for half a second on average
         assert done.distance[k] == pytest.approx(way[0], abs=6e-5)
         assert done.drift[k] == pytest.approx(way[1], abs=6e-5)

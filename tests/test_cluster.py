@@ -128,7 +128,7 @@ def test_a_lost_scheduler_leaves_a_store_to_go_on_with(tmp_path):
 
 
 def test_a_scheduler_that_is_not_there_is_said_so_in_one_line(monkeypatch):
-    monkeypatch.setattr("mjskip.sweeps.cluster.PATIENCE", 1.0)
+    monkeypatch.setattr("mjskip.sweeps.cluster.TIMEOUT", 1.0)
     with pytest.raises(MjskipError, match="no Dask scheduler answers at tcp://127"):
         sweep(STONE, **SWEEP, scheduler=f"tcp://127.0.0.1:{free_port()}")
     with pytest.raises(MjskipError, match="no Dask scheduler answers at nonsense"):

@@ -125,5 +125,5 @@ def test_flight_in_vacuum_is_a_parabola_to_rounding(clanet_scene, engine):
         clanet_scene.rethrow(height=2.0), engine=engine, timestep=1e-4, limits=Limits(duration=0.3)
     )
     t = run.time[:, None]
-    exact = run.x[0] + run.velocity[0] * t + 0.5 * np.array([0, 0, -9.81]) * t**2
-    np.testing.assert_allclose(run.x, exact, atol=1e-11)
+    exact = run.position[0] + run.velocity[0] * t + 0.5 * np.array([0, 0, -9.81]) * t**2
+    np.testing.assert_allclose(run.position, exact, atol=1e-11)

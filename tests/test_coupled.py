@@ -329,8 +329,10 @@ def test_both_engines_agree_over_waves(lake):
     assert touched.any()
     assert theirs.attributes["integrator"] == "kick"
     # Both hold the surface over a step: they differ to the order of the step in what happens within it.
-    np.testing.assert_allclose(ours.x, theirs.x, rtol=0.0, atol=3e-4)
-    assert abs(ours.x - simulate(lake, timestep=1.25e-4, limits=LIMITS).x).max() > 3e-3
+    np.testing.assert_allclose(ours.position, theirs.position, rtol=0.0, atol=3e-4)
+    assert (
+        abs(ours.position - simulate(lake, timestep=1.25e-4, limits=LIMITS).position).max() > 3e-3
+    )
 
 
 def test_a_run_is_the_same_in_blocks_of_any_length(lake):
@@ -364,7 +366,7 @@ def test_over_waves_as_over_still_water_the_same_throw_gives_the_same_path_twice
     scene = load_scene("duel")
     first, second = (simulate_all(scene, surface="waves", limits=LIMITS) for _ in range(2))
     for name in first:
-        np.testing.assert_array_equal(first[name].x, second[name].x)
+        np.testing.assert_array_equal(first[name].position, second[name].position)
 
 
 def test_what_waves_cannot_take_is_refused_before_the_run(lake):
@@ -447,7 +449,7 @@ def test_the_pure_engine_and_a_scene_give_what_the_test_bench_gives(lake):
     with ReferenceEngine(lake, None, 5e-4, frozen_attitude=False, over_waves=True) as engine:
         run = Run(lake, engine, 5e-4, field=lake.field(), feel=True)
         block = run.advance(len(flight.time))
-    np.testing.assert_array_equal(block.states[:, 0, :3], flight.x)
+    np.testing.assert_array_equal(block.states[:, 0, :3], flight.position)
 
 
 def test_many_throws_of_three_stones_leave_the_mean_level_and_the_memory_as_they_were():

@@ -142,7 +142,7 @@ def test_every_integrator_follows_the_pure_one_to_its_order(integrator):
                 mujoco.mj_step(model, data)
             mujoco.mj_forward(model, data)
         gap[step] = (
-            np.linalg.norm(data.xipos[body] - exact.x[-1]),
+            np.linalg.norm(data.xipos[body] - exact.position[-1]),
             float(difference(data.xquat[body], exact.q[-1])),
         )
     position, attitude = gap[1e-4]

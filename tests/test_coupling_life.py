@@ -382,7 +382,7 @@ def test_scenes_that_float_are_run_and_not_thrown(scene, recwarn):
     loaded = mjskip.load_scene(scene)
     flight = mjskip.simulate(loaded, limits=mjskip.Limits(duration=2.0))
     assert flight.end in ("out of time", "at rest")
-    assert np.isfinite(flight.x).all()
+    assert np.isfinite(flight.position).all()
     assert np.abs(flight.velocity[0]).max() == 0.0
     assert not list(recwarn)
     with pytest.raises(ValueError, match="is afloat"):
@@ -393,11 +393,11 @@ def test_scenes_that_float_are_run_and_not_thrown(scene, recwarn):
 
 def test_oars_drive_a_boat_ahead_and_a_quadruped_walks_through_the_water():
     rowed = mjskip.simulate("paddle", limits=mjskip.Limits(duration=4.0))
-    assert rowed.x[-1, 0] - rowed.x[0, 0] > 2.0
-    assert abs(rowed.x[-1, 1]) < 0.01
+    assert rowed.position[-1, 0] - rowed.position[0, 0] > 2.0
+    assert abs(rowed.position[-1, 1]) < 0.01
     walked = mjskip.simulate("quadruped_wading", limits=mjskip.Limits(duration=4.0))
-    assert walked.x[-1, 0] - walked.x[0, 0] > 0.15
-    assert abs(walked.x[-1, 2] - walked.x[1000, 2]) < 0.02  # on its feet
+    assert walked.position[-1, 0] - walked.position[0, 0] > 0.15
+    assert abs(walked.position[-1, 2] - walked.position[1000, 2]) < 0.02  # on its feet
 
 
 def test_a_coupling_that_is_not_open_answers_too():

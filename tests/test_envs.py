@@ -126,7 +126,9 @@ def test_a_thrown_stone_skips_as_often_and_flies_as_far_as_in_simulate(
     assert terminated
     assert info["skips"] == flight.skips > 0
     # the environment looks every 20 ms whether it is over
-    assert info["distance"] == pytest.approx(flight.x[-1, 0] - flight.x[0, 0], abs=0.02 * speed)
+    assert info["distance"] == pytest.approx(
+        flight.position[-1, 0] - flight.position[0, 0], abs=0.02 * speed
+    )
     assert reward == pytest.approx(info["skips"] + 0.1 * info["distance"])
 
 

@@ -9,7 +9,7 @@ import pytest
 from flights import SMALL, flight, small
 
 from mjskip.draw import render
-from mjskip.draw.eye import Eye
+from mjskip.draw.eye import PinholeCamera
 from mjskip.draw.film import compose, duel_of, render_duel, render_strip, strip_times
 from mjskip.draw.overlay import Overlay, caption, numbers_at
 from mjskip.draw.render import Shot, followed, shot_times
@@ -44,7 +44,10 @@ def test_the_camera_stays_with_the_last_rings_when_a_stone_ploughs_on(throw):
     speed = np.diff(path[:, 0]) / np.diff(times)
     assert np.abs(np.diff(speed)).max() < 2.0  # m/s from frame to frame: no jerk
     in_flight = np.searchsorted(times, 0.5 * last.time)
-    assert abs(path[in_flight, 0] - np.interp(times[in_flight], throw.time, throw.x[:, 0])) < 0.5
+    assert (
+        abs(path[in_flight, 0] - np.interp(times[in_flight], throw.time, throw.position[:, 0]))
+        < 0.5
+    )
 
 
 @pytest.mark.parametrize(
@@ -64,7 +67,7 @@ def test_a_shot_that_cannot_be_taken_is_refused(wrong, message):
 # What is drawn over
 
 
-EYE = Eye(
+EYE = PinholeCamera(
     position=np.array([-3.5, -1.5, 0.3]),
     forward=np.array([0.0, 1.0, 0.0]),
     up=np.array([0.0, 0.0, 1.0]),
@@ -76,7 +79,7 @@ EYE = Eye(
 def painted(time, **options):
     image = np.zeros((120, 160, 3), np.uint8)
     trajectory = flight()
-    trajectory.x[:, 2] = 0.2
+    trajectory.position[:, 2] = 0.2
     Overlay(trajectory, marks=False, **options).draw(image, time, EYE)
     return image
 
@@ -85,8 +88,8 @@ def test_the_trail_is_where_the_stone_was_and_fades():
     image = painted(0.3)
     columns = np.flatnonzero(image.any(axis=(0, 2)))
     trajectory = flight()
-    trajectory.x[:, 2] = 0.2
-    place, _ = EYE.project(trajectory.x[[0, 300]])
+    trajectory.position[:, 2] = 0.2
+    place, _ = EYE.project(trajectory.position[[0, 300]])
     expected = 0.5 * (place[:, 0] + 1.0) * 160
     assert columns.min() == pytest.approx(expected[0], abs=6.0)  # faint at its end
     assert columns.max() == pytest.approx(expected[1], abs=2.0)
@@ -98,7 +101,7 @@ def test_the_trail_is_where_the_stone_was_and_fades():
 
 def test_touches_are_marked_from_then_on(throw):
     first = throw.contacts[0].entry
-    eye = Eye(
+    eye = PinholeCamera(
         position=np.array([*first.position[:2], 2.0]), forward=np.array([0.0, 0.0, -1.0]),
         up=np.array([0.0, 1.0, 0.0]), half_height=0.5, aspect=1.0,
     )  # fmt: skip
@@ -144,7 +147,7 @@ def test_every_panel_of_a_strip_has_the_stone_in_it(throw):
         )
         times = strip_times(throw, 5)
         assert times[-1] <= throw.time[-1]
-        away = replace(throw, x=throw.x + np.array([0.0, 0.0, 50.0]))
+        away = replace(throw, position=throw.position + np.array([0.0, 0.0, 50.0]))
         ours, theirs = (
             list(render.frames(small(), one, shot, times=times, follow=throw))
             for one in (throw, away)
@@ -187,5 +190,5 @@ def test_every_camera_shows_the_stone(name, camera):
 
 def _moved(trajectory):
     """The same throw far below, so that the camera rides along and the stone is not seen."""
-    below = trajectory.x - [0.0, 0.0, 900.0]
-    return replace(trajectory, x=below)
+    below = trajectory.position - [0.0, 0.0, 900.0]
+    return replace(trajectory, position=below)

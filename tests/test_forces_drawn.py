@@ -9,7 +9,7 @@ import pytest
 from flights import SMALL, small
 
 from mjskip.draw import render
-from mjskip.draw.forces import BUOYANCY, LONGEST, WATER, add_loads, draw_loads, loads_at
+from mjskip.draw.forces import ARROW_LENGTH, BUOYANCY, WATER, add_loads, draw_loads, loads_at
 from mjskip.throws.simulate import simulate_all
 
 
@@ -29,9 +29,11 @@ def test_the_longest_arrow_is_that_of_the_greatest_force_and_points_along_it(thr
     loads = loads_at(throw, small().stone, touch)
     start, tip, colour = loads.arrows[0]
     assert colour == WATER
-    assert np.linalg.norm(tip - start) == pytest.approx(LONGEST, rel=1e-9)
+    assert np.linalg.norm(tip - start) == pytest.approx(ARROW_LENGTH, rel=1e-9)
     force = throw.force[np.argmax(np.linalg.norm(throw.force, axis=1))]
-    np.testing.assert_allclose((tip - start) / LONGEST, force / np.linalg.norm(force), atol=1e-9)
+    np.testing.assert_allclose(
+        (tip - start) / ARROW_LENGTH, force / np.linalg.norm(force), atol=1e-9
+    )
 
 
 def test_faces_are_wetted_below_the_surface_only_and_their_area_is_the_recorded_one(throw, touch):
@@ -55,9 +57,9 @@ def test_forces_show_and_are_left_out_unless_asked_for(throw, touch):
 
 
 def test_a_body_behind_the_camera_draws_nothing(throw, touch):
-    from mjskip.draw.eye import Eye
+    from mjskip.draw.eye import PinholeCamera
 
-    away = Eye(
+    away = PinholeCamera(
         position=np.array([0.0, -50.0, 1.0]), forward=np.array([0.0, -1.0, 0.0]),
         up=np.array([0.0, 0.0, 1.0]), half_height=0.4, aspect=4 / 3,
     )  # fmt: skip

@@ -124,8 +124,8 @@ def test_a_stone_that_flies_over_the_wall_of_its_lake_has_left_it(lake):
     small = replace(lake, grid=grid)
     run = simulate(small, surface="waves", limits=Limits(duration=2.0))
     assert run.end == "left the lake"
-    assert run.x[-1, 0] > -3.5 + 64 * 0.02
-    assert run.x[-2, 0] <= -3.5 + 64 * 0.02
+    assert run.position[-1, 0] > -3.5 + 64 * 0.02
+    assert run.position[-2, 0] <= -3.5 + 64 * 0.02
     # still water has no end
     assert simulate(small, limits=Limits(duration=2.0)).end != "left the lake"
 

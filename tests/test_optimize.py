@@ -9,7 +9,7 @@ from click.testing import CliRunner
 
 from mjskip import Limits, Stone, Throw, Water
 from mjskip.cli import cli
-from mjskip.sweeps.optimize import GOOD, optimize
+from mjskip.sweeps.optimize import GOOD_FRACTION, optimize
 
 PEBBLE = Stone.pebble()
 QUICK = {"population": 12, "generations": 8, "members": 4, "limits": Limits(duration=0.6)}
@@ -58,7 +58,7 @@ def test_the_neighbourhood_holds_the_best_throw_and_says_how_far_one_may_stray()
         assert around.mean[at[0]] == best.mean  # the same ensemble
         assert around.good[0] <= aim <= around.good[1]
         inside = (around.values >= around.good[0]) & (around.values <= around.good[1])
-        assert (around.mean[inside] >= GOOD * best.mean).all()
+        assert (around.mean[inside] >= GOOD_FRACTION * best.mean).all()
         assert around.values[[0, -1]] == pytest.approx(BOX[name])
 
 

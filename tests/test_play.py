@@ -21,9 +21,9 @@ from scipy.spatial.transform import Rotation
 from mjskip import Stone, Throw
 from mjskip.cli import main
 from mjskip.errors import MjskipError, SceneError
-from mjskip.play.player import AFTER, FPS, Pace, Player, Replay, surface_frames
+from mjskip.play.player import FPS, RINGS_AFTER, PlaybackClock, Player, Replay, surface_frames
 from mjskip.play.settings import Settings
-from mjskip.play.surface import EVEN, HORIZON, SHAPE, DrawnWater, axis
+from mjskip.play.surface import EVEN_VERTICES, HORIZON, SHAPE, DrawnWater, axis
 from mjskip.play.thrown import Thrower, table, turned
 from mjskip.throws.scene import load_scene
 from mjskip.throws.trajectory import pose_at
@@ -159,7 +159,7 @@ def test_a_heavier_stone_of_the_same_shape_goes_deeper_at_its_first_touch(shelf,
 
 
 def test_the_thrower_of_stones_does_not_grow_without_end(lake, default, monkeypatch):
-    monkeypatch.setattr("mjskip.play.thrown.MOST_STONES", 2)
+    monkeypatch.setattr("mjskip.play.thrown.MAX_STONES", 2)
     with contextlib.closing(Thrower(lake)) as shelf:
         for radius in (3, 4, 5, 6):
             shelf.model_file(default.changed({"stone": "pebble", "radius": radius}))
@@ -170,8 +170,8 @@ def test_the_thrower_of_stones_does_not_grow_without_end(lake, default, monkeypa
 
 
 def test_a_throw_too_fast_for_its_time_step_is_doubted_on_the_page(shelf, default):
-    (doubt,) = shelf.throw(default.changed({"speed": 60})).doubts
-    assert "too large" in doubt
+    (warning,) = shelf.throw(default.changed({"speed": 60})).warnings
+    assert "too large" in warning
 
 
 def test_an_arms_throw_is_not_the_pages_to_choose():
@@ -205,7 +205,7 @@ def test_the_table_has_a_row_for_every_touch(thrown):
 
 
 def test_the_drawn_water_reaches_the_horizon_evenly_near_the_stone():
-    for count, even in zip(SHAPE, EVEN, strict=True):
+    for count, even in zip(SHAPE, EVEN_VERTICES, strict=True):
         at = axis(count, even, 0.04)
         assert len(at) == count
         assert at[-1] == pytest.approx(HORIZON)
@@ -268,7 +268,7 @@ class Clock:
 
 def test_slow_motion_changes_underway_without_a_jump():
     clock = Clock()
-    pace = Pace(clock)
+    pace = PlaybackClock(clock)
     clock.now += 2.0
     assert pace.time == pytest.approx(2.0)
     pace.slow(10.0)
@@ -287,7 +287,7 @@ def test_a_show_has_the_water_that_was_recorded_with_the_run(shelf, default):
         )
     frame = replay.at(1e9)
     assert frame.last
-    assert frame.time == pytest.approx(thrown.chosen.time[-1] + AFTER)
+    assert frame.time == pytest.approx(thrown.chosen.time[-1] + RINGS_AFTER)
     assert frame.touches == len(thrown.chosen.contacts)
 
 
@@ -295,9 +295,9 @@ def test_a_frame_shows_the_stone_where_it_was(thrown):
     flight = thrown.chosen
     position, attitude = pose_at(flight, 0.2)
     row = int(np.searchsorted(flight.time, 0.2, side="right")) - 1
-    np.testing.assert_array_equal(position, flight.x[row])
+    np.testing.assert_array_equal(position, flight.position[row])
     assert Rotation.from_quat(attitude, scalar_first=True).as_matrix()[2, 2] > 0.5
-    assert (pose_at(flight, 1e9)[0] == flight.x[-1]).all()
+    assert (pose_at(flight, 1e9)[0] == flight.position[-1]).all()
 
 
 class Stage:
@@ -421,8 +421,8 @@ def test_the_water_that_is_drawn_keeps_up_with_the_clock_three_times_over(thrown
 
 viser = pytest.importorskip("viser", reason="the extra play is not installed")
 
-from mjskip.play import door as play_door  # noqa: E402
-from mjskip.play.door import is_loopback, may_talk  # noqa: E402
+from mjskip.play import access as play_access  # noqa: E402
+from mjskip.play.access import is_loopback, may_talk  # noqa: E402
 from mjskip.play.server import Playground, check_free  # noqa: E402
 
 
@@ -650,7 +650,7 @@ def connection_closed(page):
 @gone
 def test_a_frame_that_no_control_sends_ends_its_connection(playground):
     with Page(playground) as page:
-        page.socket.send(b"x" * (play_door.LARGEST_FRAME + 1))
+        page.socket.send(b"x" * (play_access.LARGEST_FRAME + 1))
         assert connection_closed(page) == 1009
     wait_until(lambda: not playground.tabs)
 
@@ -659,7 +659,7 @@ def test_a_frame_that_no_control_sends_ends_its_connection(playground):
 def test_a_page_that_sends_without_pause_is_closed_and_others_play_on(playground, monkeypatch):
     with Page(playground) as quiet:
         quiet.set("Throw", True)
-        monkeypatch.setattr(play_door, "MOST_MESSAGES", 50)
+        monkeypatch.setattr(play_access, "MAX_MESSAGES", 50)
         with Page(playground) as page:
             for _ in range(100):
                 page.set("speed", 11.0)
@@ -671,7 +671,7 @@ def test_a_page_that_sends_without_pause_is_closed_and_others_play_on(playground
 def test_a_stranger_who_says_nothing_is_dropped(playground, monkeypatch):
     from websockets.sync.client import connect
 
-    monkeypatch.setattr(play_door, "FIRST_MESSAGE", 0.2)
+    monkeypatch.setattr(play_access, "FIRST_MESSAGE", 0.2)
     names = [f"viser-v{viser.__version__}"]
     with connect(playground.url.replace("http", "ws"), subprotocols=names, max_size=None) as socket:
         page = type("Silent", (), {"listen": lambda _: [socket.recv(PATIENCE) for _ in range(999)]})
@@ -693,22 +693,22 @@ def test_an_unknown_choice_of_the_page_is_ignored(playground, capsys):
 
 
 def test_beyond_this_machine_the_address_needs_its_token(monkeypatch):
-    door = play_door.Door("0.0.0.0")
-    assert len(door.token) > 20
+    access = play_access.AccessControl("0.0.0.0")
+    assert len(access.token) > 20
 
     def refusal(path="/", **headers):
         from websockets.datastructures import Headers
         from websockets.http11 import Request
 
-        return door.refusal(Request(path, Headers(Host="192.0.2.7:8080", **headers)))
+        return access.refusal(Request(path, Headers(Host="192.0.2.7:8080", **headers)))
 
     assert "token" in refusal()
     assert "token" in refusal("/?token=guess")
     assert "token" in refusal(Cookie="mjskip_token=guess")
-    assert refusal(f"/?token={door.token}&speed=3") is None
-    assert refusal(Cookie=f"mjskip_token={door.token}") is None
-    assert "not from here" in refusal(f"/?token={door.token}", Origin="http://evil.example")
-    assert play_door.Door("127.0.0.1").token == ""
+    assert refusal(f"/?token={access.token}&speed=3") is None
+    assert refusal(Cookie=f"mjskip_token={access.token}") is None
+    assert "not from here" in refusal(f"/?token={access.token}", Origin="http://evil.example")
+    assert play_access.AccessControl("127.0.0.1").token == ""
 
 
 @gone
@@ -767,13 +767,13 @@ def test_a_tab_that_closes_mid_throw_leaves_no_thread_behind(playground):
 
 @gone
 def test_only_so_many_tabs_are_served(playground, monkeypatch):
-    monkeypatch.setattr("mjskip.play.server.MOST_TABS", 1)
+    monkeypatch.setattr("mjskip.play.server.MAX_TABS", 1)
     with Page(playground) as page:
         before = set(playground.tabs)
         from mjskip.play import server
 
-        assert server.MOST_TABS == len(before) == 1
-        playground._welcome(page.tab.client)  # one more
+        assert server.MAX_TABS == len(before) == 1
+        playground._on_connect(page.tab.client)  # one more
         assert set(playground.tabs) == before
     wait_until(lambda: not playground.tabs)
 
@@ -801,10 +801,10 @@ def test_the_view_of_the_whole_throw_shows_it_from_end_to_end(playground):
         page.set("Throw", True)
         wait_until(lambda: page.tab.frames > 1)
         flight = page.tab.thrown.chosen
-        middle = 0.5 * (flight.x[0] + flight.x[-1])
+        middle = 0.5 * (flight.position[0] + flight.position[-1])
         np.testing.assert_allclose(page.tab._nodes["lake"].position[:2], -middle[:2])
         wide = grid(WHOLE, page.tab.thrown)
-        assert wide.step * EVEN[0] > np.ptp(flight.x[:, 0])
+        assert wide.step * EVEN_VERTICES[0] > np.ptp(flight.position[:, 0])
         page.set("view", FOLLOW)
         wait_until(lambda: page.tab._water.step < wide.step)
         frames = page.tab.frames
@@ -818,7 +818,7 @@ def test_after_its_run_a_stone_goes_on_a_little_and_sinks(thrown):
 
     flight = thrown.chosen
     assert flight.end == "planing"
-    end, last = float(flight.time[-1]), flight.x[-1]
+    end, last = float(flight.time[-1]), flight.position[-1]
     np.testing.assert_array_equal(pose_after(flight, 0.5 * end)[0], pose_at(flight, 0.5 * end)[0])
     later = pose_after(flight, end + 3.0)[0]
     ahead = float(np.linalg.norm((later - last)[:2]))

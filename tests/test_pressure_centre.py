@@ -368,7 +368,7 @@ def test_both_engines_the_plugin_and_a_sweep_take_a_law_alike(law, tmp_path):
             simulate(path, throw, engine=engine, timestep=2e-4, limits=limits)
             for engine in ("mujoco", "reference")
         ]
-        assert runs[0].x[-1] == pytest.approx(runs[1].x[-1], abs=1e-5)
+        assert runs[0].position[-1] == pytest.approx(runs[1].position[-1], abs=1e-5)
     outcomes = [
         throw_all(
             SHAPED["bar"],
@@ -383,5 +383,5 @@ def test_both_engines_the_plugin_and_a_sweep_take_a_law_alike(law, tmp_path):
     one = integrate(
         SHAPED["bar"], throw, water=Water(law=law, air_density=0.0), timestep=2e-4, limits=limits
     )
-    assert outcomes[0].distance[0] == pytest.approx(one.x[-1, 0], abs=1e-6)
+    assert outcomes[0].distance[0] == pytest.approx(one.position[-1, 0], abs=1e-6)
     assert outcomes[0].distance[0] != outcomes[1].distance[0]

@@ -139,7 +139,7 @@ def test_over_still_water_rings_are_recorded_with_the_run_and_are_those_of_the_s
     frames_of = SurfaceFrames(rate=50.0, linger=0.3)
     (one,) = simulate_all(scene, limits=Limits(duration=0.45), record=frames_of).values()
     (bare,) = simulate_all(scene, limits=Limits(duration=0.45)).values()
-    np.testing.assert_array_equal(one.x, bare.x)
+    np.testing.assert_array_equal(one.position, bare.position)
     assert bare.surface is None
     again = recorded_rings(scene, [bare], frames_of)
     np.testing.assert_allclose(again.times[:20], one.surface.times[:20], atol=1e-9)
@@ -233,7 +233,7 @@ def test_a_saved_throw_gives_its_impulse_over_any_interval_and_its_place(seed):
     np.testing.assert_allclose(impulses, expected, atol=1e-14)
     wet = impulses != 0.0
     assert wet.any()
-    assert (centres[wet, 0] >= trajectory.x[0, 0]).all()
+    assert (centres[wet, 0] >= trajectory.position[0, 0]).all()
     assert np.abs(centres[wet, 0] + 4.0 - 2.0 * 0.5 * (times[1:] + times[:-1])[wet]).max() < 0.05
     np.testing.assert_allclose(areas[wet], 3e-3, rtol=1e-9)
     assert not areas[~wet].any()

@@ -43,7 +43,7 @@ def test_a_stone_in_vacuum_flies_a_parabola(method):
     t = run.time[:, None]
     exact = start.position + start.velocity * t - 0.5 * GRAVITY * t**2 * [0, 0, 1]
     # a parabola is exact from second order on: rounding of 1000 steps at 50 m
-    np.testing.assert_allclose(run.x, exact, atol=1e-10)
+    np.testing.assert_allclose(run.position, exact, atol=1e-10)
     assert run.time[-1] == pytest.approx(1.0)
     assert run.contacts == ()
     assert run.end == "out of time"
@@ -85,7 +85,7 @@ def test_a_flat_drop_of_a_disc_slows_as_the_closed_form_says():
     disc = Stone.disc(0.05, 0.01, density=2700.0)
     start = started(height=0.005, velocity=(0, 0, -3.0))
     run = integrate(disc, start, water=NO_AIR, timestep=1e-5, limits=until(0.05))
-    sunk = 0.005 - run.x[:, 2]
+    sunk = 0.005 - run.position[:, 2]
     mass_per_area = 2.7 * 0.01
     terminal2 = GRAVITY * mass_per_area
     exact = terminal2 + (9.0 - terminal2) * np.exp(-2.0 * sunk / mass_per_area)
@@ -142,9 +142,9 @@ def test_the_mirrored_throw_flies_the_mirrored_path():
         for stone, s, b in ((disc, 20, 5), (image, -20, -5))
     ]
     assert runs[0].contacts
-    assert abs(runs[0].x[-1, 1]) > 1e-4
+    assert abs(runs[0].position[-1, 1]) > 1e-4
     # rounding, grown through the touch
-    np.testing.assert_allclose(runs[0].x, runs[1].x * mirror, atol=1e-11)
+    np.testing.assert_allclose(runs[0].position, runs[1].position * mirror, atol=1e-11)
     np.testing.assert_allclose(runs[0].L, runs[1].L * -mirror, atol=1e-10)
 
 
@@ -152,7 +152,9 @@ def test_spin_counter_clockwise_from_above_bends_the_path_to_the_left(clanet):
     ends = {}
     for spin in (-400, 0, 400):
         throw = Throw.from_degrees(speed=3.5, spin=spin, attack=20, descent=20, height=0)
-        ends[spin] = integrate(clanet, throw, water=NO_AIR, timestep=1e-4, limits=until(0.06)).x[-1]
+        ends[spin] = integrate(
+            clanet, throw, water=NO_AIR, timestep=1e-4, limits=until(0.06)
+        ).position[-1]
     assert ends[400][1] > 1e-4
     assert ends[-400][1] < -1e-4
     assert abs(ends[0][1]) < 1e-6  # the diagonals of the rim's quadrangles are not mirrored
@@ -214,7 +216,7 @@ def test_both_signs_of_the_paper_turned_round_give_the_same_path_and_one_alone_d
     package = integrate(disc, start, timestep=step, limits=until(step * steps))
     assert package.contacts
     # rounding, grown through a touch of 40 ms
-    np.testing.assert_allclose(package.x[-1], ours[:3], atol=1e-11)
+    np.testing.assert_allclose(package.position[-1], ours[:3], atol=1e-11)
     assert float(difference(package.q[-1], ours[3:7])) < 1e-9
     np.testing.assert_allclose(printed[:10], ours[:10], atol=1e-11)
     np.testing.assert_allclose(printed[10:], -ours[10:], atol=1e-11)
@@ -355,7 +357,7 @@ def test_each_method_has_its_order_in_smooth_flight(method, order):
         integrate(stone, throw, water=water, integrator=method, timestep=h, limits=until(0.1))
         for h in steps
     ]
-    position = [float(np.linalg.norm(run.x[-1] - exact.x[-1])) for run in runs]
+    position = [float(np.linalg.norm(run.position[-1] - exact.position[-1])) for run in runs]
     attitude = [float(difference(run.q[-1], exact.q[-1])) for run in runs]
     assert observed_order(steps, position) == pytest.approx(order, abs=0.2)
     assert observed_order(steps, attitude) == pytest.approx(order, abs=0.2)
@@ -367,7 +369,7 @@ def test_the_yardstick_agrees_with_a_fine_rk4_through_a_touch(clanet):
         integrate(clanet, throw, water=NO_AIR, integrator=m, timestep=h, limits=until(0.06))
         for m, h in (("adaptive", 1e-3), ("rk4", 1e-5))
     ]
-    np.testing.assert_allclose(runs[0].x[-1], runs[1].x[-1], atol=1e-8)
+    np.testing.assert_allclose(runs[0].position[-1], runs[1].position[-1], atol=1e-8)
     assert float(difference(runs[0].q[-1], runs[1].q[-1])) < 1e-6
 
 
@@ -382,7 +384,7 @@ def test_momenta_and_motion_belong_together():
     inertia = turn @ stone.inertia @ turn.transpose(0, 2, 1)
     np.testing.assert_allclose(run.L, np.einsum("nij,nj->ni", inertia, run.omega), atol=1e-15)
     np.testing.assert_allclose(np.linalg.norm(run.q, axis=1), 1.0, atol=1e-14)
-    slope = np.gradient(run.x, run.time, axis=0)[1:-1]
+    slope = np.gradient(run.position, run.time, axis=0)[1:-1]
     # central differences at 0.5 ms of forces of some hundred m/s^2 that switch on and off
     assert np.abs(slope - run.velocity[1:-1]).max() < 0.05
 
@@ -417,7 +419,7 @@ def test_gravity_of_another_planet():
     run = integrate(
         Stone.pebble(), started(10.0), water=NO_AIR, gravity=(0, 0, -1.62), limits=until(1.0)
     )
-    assert run.x[-1, 2] == pytest.approx(10.0 - 0.81, abs=1e-9)
+    assert run.position[-1, 2] == pytest.approx(10.0 - 0.81, abs=1e-9)
     assert np.ptp(run.energy) < 1e-12
 
 

@@ -49,7 +49,7 @@ def test_rings_show(look):
 @pytest.mark.parametrize("look", stage.LOOKS)
 def test_the_stone_shows(look):
     away = flight()
-    away.x[:, 2] += 50.0
+    away.position[:, 2] += 50.0
     seen = np.abs(picture(look=look) - picture(trajectory=away, look=look)).max(axis=2) > 30
     assert seen.sum() > 10  # pixels: at 640 x 480 sixteen times as many
 
@@ -69,14 +69,14 @@ def test_cameras_are_level_and_above_the_water_unless_their_name_says_otherwise(
 
 def test_a_camera_that_follows_stays_level():
     diving = flight()
-    diving.x[:, 2] -= 3.0
+    diving.position[:, 2] -= 3.0
     horizon = picture()[:20]  # the far bank does not move with the stone
     np.testing.assert_array_equal(picture(trajectory=diving)[:20], horizon)
 
 
 def test_a_stone_that_nobody_throws_is_not_drawn():
     gone = flight()
-    gone.x[:, 2] += 50.0
+    gone.position[:, 2] += 50.0
     alone = picture(scene=small("duel"), flights={"spinning": flight()}, camera="top")
     both = {"spinning": flight(), "still": gone}
     np.testing.assert_array_equal(picture(scene=small("duel"), flights=both, camera="top"), alone)
@@ -87,7 +87,7 @@ def test_a_pose_between_two_rows_is_between_them(sign):
     trajectory = flight()
     trajectory.q[101] *= sign  # q and -q are the same attitude
     position, attitude = stage.pose_at(trajectory, 0.5 * sum(trajectory.time[100:102]))
-    np.testing.assert_allclose(position, trajectory.x[100:102].mean(axis=0), rtol=1e-12)
+    np.testing.assert_allclose(position, trajectory.position[100:102].mean(axis=0), rtol=1e-12)
     half_turn = 60.0 * 0.1005
     np.testing.assert_allclose(
         attitude, [np.cos(half_turn), 0.0, 0.0, np.sin(half_turn)], atol=1e-12
@@ -103,7 +103,7 @@ def test_a_stone_is_placed_by_its_centre_of_mass(tmp_path):
         </worldbody></mujoco>"""
     )
     spinning = flight()
-    spinning.x[:] = [0.0, 0.0, 0.5]
+    spinning.position[:] = [0.0, 0.0, 0.5]
     scene = replace(small(), path=lopsided)
     drawn = stage.Stage(
         scene, {"stone": spinning}, camera="side", size=SMALL, grid=Grid.around(step=0.02)
@@ -120,8 +120,8 @@ def test_a_stone_is_placed_by_its_centre_of_mass(tmp_path):
 
 def test_a_pose_beyond_the_ends_is_held():
     trajectory = flight()
-    np.testing.assert_array_equal(stage.pose_at(trajectory, 99.0)[0], trajectory.x[-1])
-    np.testing.assert_array_equal(stage.pose_at(trajectory, -1.0)[0], trajectory.x[0])
+    np.testing.assert_array_equal(stage.pose_at(trajectory, 99.0)[0], trajectory.position[-1])
+    np.testing.assert_array_equal(stage.pose_at(trajectory, -1.0)[0], trajectory.position[0])
 
 
 def test_real_throws_of_two_stones_are_drawn_together():

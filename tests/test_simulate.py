@@ -46,7 +46,7 @@ def test_both_engines_throw_every_stone_of_a_scene_alike(both):
         assert two.contacts
         np.testing.assert_allclose(one.time, two.time, atol=1e-12)
         # RK4 both: they differ by how each writes attitude, through one touch
-        np.testing.assert_allclose(one.x, two.x, atol=1e-6)
+        np.testing.assert_allclose(one.position, two.position, atol=1e-6)
         assert difference(one.q, two.q).max() < 1e-4
         np.testing.assert_allclose(one.L, two.L, atol=1e-4 * np.abs(two.L).max())
         assert one.skips == two.skips
@@ -54,8 +54,8 @@ def test_both_engines_throw_every_stone_of_a_scene_alike(both):
 
 def test_stones_start_where_the_scene_has_them(both):
     for runs in both.values():
-        np.testing.assert_allclose(runs["spinning"].x[0, :2], [-4, -0.3], atol=1e-9)
-        np.testing.assert_allclose(runs["still"].x[0, :2], [-4, 0.3], atol=1e-9)
+        np.testing.assert_allclose(runs["spinning"].position[0, :2], [-4, -0.3], atol=1e-9)
+        np.testing.assert_allclose(runs["still"].position[0, :2], [-4, 0.3], atol=1e-9)
         assert runs["still"].clearance[0] == pytest.approx(0.02, abs=1e-7)  # single precision mesh
 
 
@@ -78,7 +78,7 @@ def test_every_integrator_of_mujoco_flies_the_same_throw(lake, both, integrator)
     expected = both["reference"]["spinning"]
     shift = np.array([0.0, 0.3, 0.0])
     # first-order integrators: millimetres at 0.1 ms
-    np.testing.assert_allclose(run.x[-1], expected.x[-1] + shift, atol=5e-3)
+    np.testing.assert_allclose(run.position[-1], expected.position[-1] + shift, atol=5e-3)
 
 
 def test_the_scene_itself_is_not_altered(lake):
@@ -102,9 +102,9 @@ def test_a_stone_is_thrown_by_its_centre_of_mass_wherever_its_frame_is(tmp_path)
     for run in (one, two):
         assert run.clearance[0] == pytest.approx(0.01, abs=1e-12)
         np.testing.assert_allclose(np.linalg.norm(run.velocity[0]), 6.0)
-        np.testing.assert_allclose(run.x[0, :2], 0.0, atol=1e-12)
+        np.testing.assert_allclose(run.position[0, :2], 0.0, atol=1e-12)
     assert one.contacts
-    np.testing.assert_allclose(one.x, two.x, atol=1e-6)  # RK4 both, through a touch
+    np.testing.assert_allclose(one.position, two.position, atol=1e-6)  # RK4 both, through a touch
     assert difference(one.q, two.q).max() < 1e-4
 
 
@@ -210,7 +210,7 @@ def end_of(heights, **limits):
 def test_a_stone_four_radii_deep_has_sunk():
     reason, run = end_of(np.linspace(0.05, -0.5, 400))
     assert reason == run.end == "sunk"
-    assert run.x[-1, 2] < -4 * Stone.pebble().radius < run.x[-2, 2]
+    assert run.position[-1, 2] < -4 * Stone.pebble().radius < run.position[-2, 2]
 
 
 def test_a_touch_that_lasts_is_planing():
@@ -349,7 +349,7 @@ def test_provenance_says_what_was_thrown(default):
 
 def test_the_same_throw_is_the_same_to_the_last_bit(lake):
     runs = [simulate(lake, limits=Limits(duration=0.3)) for _ in range(2)]
-    np.testing.assert_array_equal(runs[0].x, runs[1].x)
+    np.testing.assert_array_equal(runs[0].position, runs[1].position)
     np.testing.assert_array_equal(runs[0].q, runs[1].q)
 
 

@@ -5,7 +5,7 @@ import pytest
 from flights import SMALL, flight, small
 
 from mjskip.draw import render
-from mjskip.draw.spray import SHARE, Spray, touches
+from mjskip.draw.spray import SPRAY_FRACTION, Spray, touches
 from mjskip.throws.simulate import simulate_all
 
 
@@ -30,8 +30,8 @@ def test_spray_never_holds_more_momentum_or_energy_than_the_water_was_given(thro
             given = np.linalg.norm(np.sum(throw.force[rows] * step[rows, None], axis=0))
             work = -np.sum(throw.force[rows] * throw.velocity[rows] * step[rows, None])
             thrown = (spray.birth >= throw.time[first]) & (spray.birth <= throw.time[row])
-            assert momentum[thrown].sum() <= SHARE * given * (1.0 + 1e-9)
-            assert energy[thrown].sum() <= SHARE * max(work, 0.0) * (1.0 + 1e-9)
+            assert momentum[thrown].sum() <= SPRAY_FRACTION * given * (1.0 + 1e-9)
+            assert energy[thrown].sum() <= SPRAY_FRACTION * max(work, 0.0) * (1.0 + 1e-9)
 
 
 def test_drops_fall_freely_and_are_gone_when_they_are_back(throw):
@@ -60,7 +60,7 @@ def test_spray_is_thrown_ahead_and_up_from_the_wet_edge(throw):
 def test_a_stone_that_touches_nothing_throws_nothing_up():
     dry = flight()
     dry.force[:] = 0.0
-    dry.x[:, 2] = 1.0
+    dry.position[:, 2] = 1.0
     spray = Spray(dry)
     assert len(spray.drops(0.2)) == len(spray.sheet(0.2)) == 0
 
@@ -68,7 +68,7 @@ def test_a_stone_that_touches_nothing_throws_nothing_up():
 def test_bubbles_rise_where_a_stone_went_under():
     diving = flight()
     diving.force[:] = 0.0
-    diving.x[:, 2] -= 0.3
+    diving.position[:, 2] -= 0.3
     early, late = (Spray(diving).drops(time) for time in (0.2, 0.3))
     assert len(early) > 5
     assert (early[:, 2] < 0.0).all()

@@ -58,7 +58,7 @@ def test_a_point_of_a_sweep_is_the_throw_alone():
     assert here.skips == alone.skips
     assert here.end == alone.end
     assert here.status == "ok"
-    assert here.distance == alone.x[-1, 0] - alone.x[0, 0]
+    assert here.distance == alone.position[-1, 0] - alone.position[0, 0]
     assert here.exit_speed == alone.contacts[0].exit.speed
 
 
@@ -76,7 +76,7 @@ def test_mujoco_sweeps_a_scene_with_its_own_throw_and_water():
     found = sweep("lake", {"attack": [0.3, 0.4]}, engine="mujoco", limits=SHORT)
     scene = load_scene("lake").rethrow(attack=0.4)
     alone = simulate(scene, limits=SHORT)
-    assert found.distance[1] == alone.x[-1, 0] - alone.x[0, 0]
+    assert found.distance[1] == alone.position[-1, 0] - alone.position[0, 0]
 
 
 def test_waters_and_laws_are_dimensions():

@@ -164,7 +164,7 @@ def test_a_scene_with_the_plugin_equals_one_with_settings(tmp_path):
     plugged = simulate(file)
     assert plugged.skips == plain.skips
     # rounding grows in every touch
-    np.testing.assert_allclose(plugged.x[:400], plain.x[:400], atol=1e-10)
+    np.testing.assert_allclose(plugged.position[:400], plain.position[:400], atol=1e-10)
 
 
 def test_the_water_of_a_plugin_is_changed_in_its_config(scene):
@@ -195,4 +195,4 @@ def test_both_engines_give_each_stone_the_water_of_its_plugin(tmp_path):
         assert first.attributes["water"]["density"] == density
         assert first.wetted_area.max() > 0.0
         # both are RK4 at the same step; MuJoCo turns a free joint by another rule
-        np.testing.assert_allclose(first.x, second.x, atol=1e-5)
+        np.testing.assert_allclose(first.position, second.position, atol=1e-5)

@@ -144,7 +144,7 @@ def test_tiles_are_told_apart_after_many_came_and_went():
             assert find_tile(grid.tiles, a, b) == slot
             for direction in range(9):
                 around = (a + direction // 3 - 1, b + direction % 3 - 1)
-                assert grid.tiles.about[slot, direction] == slots.get(around, 0)
+                assert grid.tiles.neighbours[slot, direction] == slots.get(around, 0)
                 assert find_tile(grid.tiles, *around) == slots.get(around, 0)
     assert gone > 10
     assert not grid.tiles.first[0].any()

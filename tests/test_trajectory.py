@@ -124,7 +124,8 @@ def test_attributes_that_make_no_sense_are_refused_in_one_line(run, tmp_path, at
 
 
 @pytest.mark.parametrize(
-    ("name", "values"), [("x", np.nan), ("force", np.inf), ("time", 0.0), ("clearance", np.nan)]
+    ("name", "values"),
+    [("position", np.nan), ("force", np.inf), ("time", 0.0), ("clearance", np.nan)],
 )
 def test_series_that_are_no_motion_are_refused(run, tmp_path, name, values):
     data = run.to_dataset()
@@ -171,7 +172,7 @@ def test_touches_come_in_order_and_say_what_the_rows_say(run):
         entry = contact.entry
         row = int(np.searchsorted(run.time, entry.time))
         assert run.clearance[row - 1] >= 0.0 > run.clearance[min(row + 1, len(run.time) - 1)]
-        np.testing.assert_allclose(entry.position, run.x[row], atol=0.02)
+        np.testing.assert_allclose(entry.position, run.position[row], atol=0.02)
         assert entry.speed == pytest.approx(np.linalg.norm(run.velocity[row]), rel=0.1)
         if contact.exit:
             during = (run.time >= entry.time) & (run.time <= contact.exit.time)

@@ -150,13 +150,15 @@ def test_the_stone_in_the_viewer_flies_as_in_a_run_and_the_water_moves(lake, sur
         done = steps // 50 * 50
         stone = show.engine.data.body("stone").xipos
         # the same engine, steps and water: only frames of rows and single steps differ
-        np.testing.assert_allclose(stone, flight.x[done], atol=1e-9)
+        np.testing.assert_allclose(stone, flight.position[done], atol=1e-9)
         heights = show._bound.skinvert.reshape(-1, 3)[:, 2]
         assert np.abs(heights).max() > 1e-3
         show.throw_again()
         show.draw()
         assert np.abs(show._bound.skinvert.reshape(-1, 3)[:, 2]).max() == 0.0
-        np.testing.assert_allclose(show.engine.data.body("stone").xipos, flight.x[0], atol=1e-9)
+        np.testing.assert_allclose(
+            show.engine.data.body("stone").xipos, flight.position[0], atol=1e-9
+        )
 
 
 def test_the_water_of_the_viewer_gets_what_the_stone_took(lake):

@@ -118,13 +118,13 @@ def test_the_general_step_is_the_same_scheme_as_the_fast_one():
     tiles = pools(n, seed=2)
     slow = tiles.second[1].copy()
     around, none = np.empty((n + 2, n + 2), np.float32), np.zeros(n, np.float32)
-    medium.surround(tiles.first, tiles.about, 1, around)
+    medium.surround(tiles.first, tiles.neighbours, 1, around)
     medium.step_general(
         around, np.ones((n + 2, n + 2), np.float32), slow, 0, n, 0, n, np.float32(1), m, r,
         np.float32(2 / 3), np.float32(1 / 6), none, none, np.float32(0),
     )  # fmt: skip
     kernels.step_fast(
-        tiles.first, tiles.second, tiles.about, 1, 0, n, 0, (1 - m) / (1 + m), r / (1 + m)
+        tiles.first, tiles.second, tiles.neighbours, 1, 0, n, 0, (1 - m) / (1 + m), r / (1 + m)
     )
     # Elevations of order 3, sums of 36 of them, single precision.
     assert abs(slow - tiles.second[1])[:, :n].max() < 2e-5
@@ -183,9 +183,9 @@ def test_a_step_of_any_width_is_the_written_out_sum_and_touches_nothing_else(wid
     high, stride = 9, 160
     z, prev = (rng.uniform(-1, 1, (2, high, stride)).astype(np.float32) for _ in range(2))
     before, q, s = prev.copy(), 0.97, 0.6
-    about = np.full((2, kernels.ABOUT), kernels.WALL, np.int32)
-    about[1, [4, kernels.ROWS, kernels.COLUMNS]] = 1, high, width
-    kernels.step_fast(z, prev, about, 1, 0, high, 0, q, s)
+    neighbours = np.full((2, kernels.NEIGHBOUR_COLUMNS), kernels.WALL, np.int32)
+    neighbours[1, [4, kernels.ROWS, kernels.COLUMNS]] = 1, high, width
+    kernels.step_fast(z, prev, neighbours, 1, 0, high, 0, q, s)
     cells = np.s_[1, :, :width]
     block = z[cells].astype(np.float64)
     exact = block + q * (block - before[cells]) + s * laplacian(block, 2 / 3, 1 / 6)
@@ -196,10 +196,10 @@ def test_a_step_of_any_width_is_the_written_out_sum_and_touches_nothing_else(wid
 
 def test_a_margin_is_left_alone_and_read():
     tiles = pools(40, seed=8)
-    z, prev, about = tiles.first, tiles.second, tiles.about
+    z, prev, neighbours = tiles.first, tiles.second, tiles.neighbours
     whole, before = prev.copy(), prev.copy()
-    kernels.step_fast(z, whole, about, 1, 0, 40, 0, 0.97, 0.6)
-    kernels.step_fast(z, prev, about, 1, 5, 35, 5, 0.97, 0.6)
+    kernels.step_fast(z, whole, neighbours, 1, 0, 40, 0, 0.97, 0.6)
+    kernels.step_fast(z, prev, neighbours, 1, 5, 35, 5, 0.97, 0.6)
     inner = np.s_[1, 5:35, 5:35]
     np.testing.assert_array_equal(prev[inner], whole[inner])
     prev[inner] = before[inner]

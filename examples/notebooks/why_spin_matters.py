@@ -29,13 +29,13 @@ runs = {
     for spin in spins
 }
 for spin, run in runs.items():
-    print(f"{spin:3} rev/s: {run.skips} skips, {run.x[-1, 0]:.1f} m, then {run.end}")
+    print(f"{spin:3} rev/s: {run.skips} skips, {run.position[-1, 0]:.1f} m, then {run.end}")
 
 # %%
 figure, axes = plt.subplots(2, 1, figsize=(9, 5), sharex=True)
 for spin, run in runs.items():
-    axes[0].plot(run.x[:, 0], 100 * run.x[:, 2], label=f"{spin} rev/s")
-    axes[1].plot(run.x[:, 0], np.linalg.norm(run.velocity, axis=1))
+    axes[0].plot(run.position[:, 0], 100 * run.position[:, 2], label=f"{spin} rev/s")
+    axes[1].plot(run.position[:, 0], np.linalg.norm(run.velocity, axis=1))
 axes[0].axhline(0, color="0.6", linewidth=0.8)
 axes[0].set(ylabel="height (cm)")
 axes[0].legend()

@@ -169,7 +169,7 @@ class KernelCache(caching.FunctionCache):  # type: ignore[misc]
         try:
             found = super().load_overload(signature, target)
         except Exception:  # unpickling garbage raises anything
-            with _not_kept(self._cache_path):
+            with _not_cached(self._cache_path):
                 Path(self._cache_file._index_path).unlink(missing_ok=True)
             found = None
         if found is None:
@@ -179,11 +179,11 @@ class KernelCache(caching.FunctionCache):  # type: ignore[misc]
 
     def save_overload(self, signature: Any, data: Any) -> None:
         """Keep compiled code, if that can be done."""
-        with _not_kept(self._cache_path):
+        with _not_cached(self._cache_path):
             super().save_overload(signature, data)
 
 
-class _not_kept:
+class _not_cached:
     """One warning in a process if files cannot be written; the code runs all the same."""
 
     warned = False
@@ -197,8 +197,8 @@ class _not_kept:
     def __exit__(self, kind: Any, error: BaseException | None, trace: Any) -> bool:
         if not isinstance(error, Exception):
             return False
-        if not _not_kept.warned:
-            _not_kept.warned = True
+        if not _not_cached.warned:
+            _not_cached.warned = True
             warnings.warn(
                 f"compiled code is not kept in {self._folder} ({error}): each run compiles anew; free "
                 "the disk, or name a folder that can be written to in NUMBA_CACHE_DIR",

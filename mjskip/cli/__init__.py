@@ -16,7 +16,7 @@ COMMANDS = {
     "run": "Throw the stone of a scene; print its skips, draw a video.",
     "compare": "The same throw by MuJoCo and by the pure integrator, over a ladder of time steps.",
     "sweep": "Throws over a grid of parameters: most skips, where they skip, how surely.",
-    "optimize": "The best throw within a thrower's limits, for a hand that strays.",
+    "optimize": "The best throw within a thrower's limits, for a hand that scatters.",
     "plot": "A page of curves about saved throws (extra: plot).",
     "play": "A page in the browser where you throw (extra: play).",
     "view": "MuJoCo's own viewer with the water, live.",
@@ -92,9 +92,10 @@ def _code_of(error: Exception) -> int:
         return _fail(
             f"{error.strerror or error}{where}: the system refuses a file or a resource", 2
         )
-    if isinstance(error, MemoryError | ImportError) or str(error) == "can't start new thread":
-        kind = "a library cannot be loaded" if isinstance(error, ImportError) else "out of memory"
-        text = " ".join(str(error).split())
+    text = " ".join(str(error).split())
+    unloaded = isinstance(error, ImportError) and "shared object" in text
+    if isinstance(error, MemoryError) or unloaded or text == "can't start new thread":
+        kind = "a library cannot be loaded" if unloaded else "out of memory"
         return _fail(f"{kind}{f' ({text})' if text else ''}: ask for less, or free memory", 2)
     raise error
 

@@ -24,7 +24,7 @@ from mjskip.throws.scene import shipped_scenes
 COUNT = 40
 """Frequencies unless told otherwise."""
 
-MOST = 10_000
+MAX_FREQUENCIES = 10_000
 """Frequencies that may be asked for: a solution of the panels each."""
 
 
@@ -37,8 +37,10 @@ def _range(context: Any, option: Any, value: str | None) -> tuple[float, float, 
         found = float(low), float(high), int(count)
     except ValueError:
         raise click.BadParameter(f"{value!r}: give LOW:HIGH:COUNT, as 1:12:40 [rad/s]") from None
-    if not (0.0 < found[0] < found[1] < math.inf and 2 <= found[2] <= MOST):
-        raise click.BadParameter(f"{value!r}: give 0 < LOW < HIGH and a COUNT from 2 to {MOST}")
+    if not (0.0 < found[0] < found[1] < math.inf and 2 <= found[2] <= MAX_FREQUENCIES):
+        raise click.BadParameter(
+            f"{value!r}: give 0 < LOW < HIGH and a COUNT from 2 to {MAX_FREQUENCIES}"
+        )
     return found
 
 

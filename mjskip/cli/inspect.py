@@ -49,12 +49,14 @@ def inspect(
     if options["max_faces"] is not None:
         given["max_faces"] = options["max_faces"]
     compiled = load_model(model)
-    told = next(
+    settings = next(
         (found for b in range(1, compiled.nbody) if (found := plugin_settings(compiled, b))), None
     )
-    base, water = (told.options, told.water) if told else (HullOptions(), Water.floating())
-    if told is not None and geoms is None:
-        rule: GeomRule = told.geoms
+    base, water = (
+        (settings.options, settings.water) if settings else (HullOptions(), Water.floating())
+    )
+    if settings is not None and geoms is None:
+        rule: GeomRule = settings.geoms
     else:
         rule = _rule(geoms)
     if density is not None:

@@ -24,7 +24,7 @@ from mjskip.cli.sweep import number, pair, shown
 from mjskip.sweeps.optimize import GOALS, HAND, Best
 from mjskip.sweeps.optimize import optimize as search
 
-PRACTISED = ", ".join(f"{name} {shown(name, sd)}" for name, sd in HAND.items())
+HAND_SCATTER = ", ".join(f"{name} {shown(name, sd)}" for name, sd in HAND.items())
 
 
 @click.command()
@@ -41,9 +41,9 @@ PRACTISED = ", ".join(f"{name} {shown(name, sd)}" for name, sd in HAND.items())
     "--scatter",
     multiple=True,
     metavar="NAME=SD",
-    help=f"How far the hand strays from its aim.  [default: {PRACTISED}]",
+    help=f"Standard deviations of the hand about its aim.  [default: {HAND_SCATTER}]",
 )
-@click.option("--perfect", is_flag=True, help="A hand that never strays.")
+@click.option("--perfect", is_flag=True, help="A hand without scatter.")
 @click.option("--members", default=32, show_default=True, metavar="N", help="Of an ensemble.")
 @click.option("--population", default=24, show_default=True, metavar="N", help="Candidates.")
 @click.option("--generations", default=20, show_default=True, metavar="N", help="At most.")
@@ -68,7 +68,7 @@ def optimize(
     as_json: bool,
     **throw: Any,
 ) -> None:
-    """Find the throw of SCENE's stone with most skips, or the longest way, for a hand that strays."""
+    """Find the throw of SCENE's stone with most skips, or the longest way, for a hand that scatters."""
     if perfect and scatter:
         raise click.UsageError("--perfect and --scatter exclude each other")
     ranges = dict(pair(text) for text in limits)

@@ -32,7 +32,7 @@ from mjskip.throws.scene import load_scene
 )
 def play(scene: str, body: str | None, host: str, port: int) -> None:
     """A page where you throw the stone of SCENE; Ctrl-C ends it."""
-    from mjskip.play.door import is_loopback
+    from mjskip.play.access import is_loopback
     from mjskip.play.server import Playground
 
     # a tab that closes while its stone flies: nobody misses the frame

@@ -161,7 +161,7 @@ def verdict(trajectory: Trajectory) -> str:
     wall = trajectory.attributes["wall_seconds"]
     outcome = f"[bold green]{skips} skip{'' if skips == 1 else 's'}[/], "
     if trajectory.attributes.get("afloat"):
-        away = math.dist(trajectory.x[-1][:2], trajectory.x[0][:2])
+        away = math.dist(trajectory.position[-1][:2], trajectory.position[0][:2])
         outcome = f"[bold green]{away:.3g} m[/] from where it began, "
     return (
         f"{outcome}{ENDS[trajectory.end]}\n"

@@ -36,7 +36,7 @@ binding.add_symbol("mjv_initGeom", ctypes.cast(library.mjv_initGeom, ctypes.c_vo
 i4, i8 = types.int32, types.int64
 mjv_initGeom = types.ExternalFunction("mjv_initGeom", types.void(i8, i4, i8, i8, i8, i8))
 
-MOST_TRIANGLES = 4000
+MAX_TRIANGLES = 4000
 """Of a drawn surface."""
 SKIRT = 8.0
 """Half width of the still water that is drawn round the window, in half widths of that."""
@@ -133,7 +133,7 @@ def _draw_surface(table: Any, scene: int, water: Any, state: Any, rgba: int, num
         - as_ints(scene + table[plugin.SCENE_NGEOM])[0]
     )
     stride, count = 1, _nodes(cells, 1, lines)
-    while 2 * (count - 1) * (count - 1) > min(free // 2, MOST_TRIANGLES) and stride < cells:
+    while 2 * (count - 1) * (count - 1) > min(free // 2, MAX_TRIANGLES) and stride < cells:
         stride += 1
         count = _nodes(cells, stride, lines)
     if 2 * (count - 1) * (count - 1) > free:

@@ -5,7 +5,7 @@ All that moves is state of the plugin in MjData, from `plugin_stateadr` of the i
     window       level, potential and rate (`mjskip.waves._window_kernels`)
     evaluations  of the force since the surface was last stepped
     placed       0 until the window has been put under its bodies
-    stirred      0 while nothing has pressed on the water, which then needs no step
+    disturbed    0 while nothing has pressed on the water, which then needs no step
     ring         of the last four evaluations: number of loads, then their place and vertical force on the water
 
 Every evaluation of the force (four a step for RK4) solves loads and the surface's answer to them at pose and velocity
@@ -52,11 +52,11 @@ SURFACE = 7  # then the water, then the profile
 
 SPLIT = RECORD  # of a wet body's record: address of its block with faces no longer than LOAD_RADIUS
 
-EVALUATIONS, PLACED, STIRRED, TAIL = 0, 1, 2, 3  # of the state, after the window's
+EVALUATIONS, PLACED, DISTURBED, TAIL = 0, 1, 2, 3  # of the state, after the window's
 STAGES = 4
 WEIGHTS = (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0)
 """Of RK4's stages."""
-MOST_LOADS = 256
+MAX_LOADS = 256
 """Loads that are kept of an evaluation; more are added to those at their mean place."""
 LOAD = 3  # x, y, force
 
@@ -71,7 +71,7 @@ INSTANCE, CAPABILITY, RECORDS, SCENE, ARGUMENTS = 0, 1, 2, 3, 4
 @kernel
 def state_size(cells: int) -> int:
     """Doubles of the state of an instance with a window of so many cells a side."""
-    return window.STATE + 3 * cells * cells + TAIL + STAGES * (1 + LOAD * MOST_LOADS)
+    return window.STATE + 3 * cells * cells + TAIL + STAGES * (1 + LOAD * MAX_LOADS)
 
 
 @kernel
@@ -197,7 +197,7 @@ def couple(surface: int, state: Any, ids: Any, states: Any, wrenches: Any, times
         2.0 * water[window.DENSITY] * (1.0 + 0.5 * timestep * water[window.DAMPING])
     )
     coupling.surface_response_by_distance(faces, count, profile, numbers[PER_AREA], factor, matrix)
-    coupling.solve(faces, count, matrix, TOLERANCE, coupling.MOST_SWEEPS, speeds, loads)
+    coupling.solve(faces, count, matrix, TOLERANCE, coupling.MAX_SWEEPS, speeds, loads)
     coupling.add_wrench(faces, count, loads, wrenches)
     return faces, loads, count
 
@@ -208,15 +208,15 @@ def _keep_loads(state: Any, cells: int, faces: Any, loads: Any, count: int) -> N
     tail = state[window.STATE + 3 * cells * cells :]
     slot = int(tail[EVALUATIONS]) % STAGES
     tail[EVALUATIONS] += 1.0
-    ring = tail[TAIL + slot * (1 + LOAD * MOST_LOADS) :]
+    ring = tail[TAIL + slot * (1 + LOAD * MAX_LOADS) :]
     kept = 0
     for k in range(count):
         force = -loads[k] * faces[k, coupling.NORMAL + 2]
         if force == 0.0:
             continue
-        tail[STIRRED] = 1.0
-        at = 1 + LOAD * (kept % MOST_LOADS)
-        if kept < MOST_LOADS:
+        tail[DISTURBED] = 1.0
+        at = 1 + LOAD * (kept % MAX_LOADS)
+        if kept < MAX_LOADS:
             ring[at], ring[at + 1] = faces[k, coupling.POINT_X], faces[k, coupling.POINT_Y]
             ring[at + 2] = force
         else:
@@ -226,7 +226,7 @@ def _keep_loads(state: Any, cells: int, faces: Any, loads: Any, count: int) -> N
             ring[at + 1] += part * (faces[k, coupling.POINT_Y] - ring[at + 1])
             ring[at + 2] = total
         kept += 1
-    ring[0] = min(kept, MOST_LOADS)
+    ring[0] = min(kept, MAX_LOADS)
 
 
 @kernel
@@ -395,7 +395,7 @@ def moving_advance(model: int, data: int, arguments: int) -> None:
     staged = integrator == RK4 and stages >= STAGES
     if staged and _mean_of_stages(state, cells, last, 0.5 * numbers[LOAD_RADIUS]):
         staged = False
-    if tail[STIRRED] == 0.0:
+    if tail[DISTURBED] == 0.0:
         parts = 0
     for _ in range(parts):
         window.relax(water, state, timestep / parts)
@@ -418,7 +418,7 @@ def _mean_of_stages(state: Any, cells: int, last: int, near: float) -> bool:
     at their mean place.
     """
     ring = state[window.STATE + 3 * cells * cells + TAIL :]
-    width = 1 + LOAD * MOST_LOADS
+    width = 1 + LOAD * MAX_LOADS
     count = int(ring[last * width])
     for slot in range(STAGES):
         if int(ring[slot * width]) != count:
@@ -443,7 +443,7 @@ def _press_ring(
 ) -> None:
     """phi -= weight dt p / rho of the loads in one slot of the ring."""
     cells = int(water[window.CELLS])
-    ring = state[window.STATE + 3 * cells * cells + TAIL + slot * (1 + LOAD * MOST_LOADS) :]
+    ring = state[window.STATE + 3 * cells * cells + TAIL + slot * (1 + LOAD * MAX_LOADS) :]
     count = int(ring[0])
     if count == 0:
         return

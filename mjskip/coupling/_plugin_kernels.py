@@ -52,7 +52,7 @@ MEMBERS = 19
 SLOTS, ROUND, ROWS = 0, 1, 2
 ROW = 3
 ASK, BODY, INSTANCE, KEY, ANSWER, MESSAGE, REQUEST = 0, 1, 2, 3, 4, 5, 6
-CONFIGURATION, HULL, FRESH_HULL, DOUBTS, TOO_LARGE_STEP, SURFACE, STATE_SIZE = range(7)
+CONFIGURATION, HULL, FRESH_HULL, WARNINGS, TOO_LARGE_STEP, SURFACE, STATE_SIZE = range(7)
 """What is asked: whether a configuration is allowed; a record; the same after a look at all of its meshes;
 to say what is doubtful about an instance; to say that a body's drag was limited; the record of an instance's surface
 (`_moving_kernels`); how many doubles its state has."""
@@ -93,7 +93,7 @@ DATA_MEMBERS = (
     PLUGIN_STATE, SITE_XPOS,
 ) = range(MEMBERS + len(MODEL_MEMBERS), MEMBERS + len(MODEL_MEMBERS) + len(DATA_MEMBERS))  # fmt: skip
 
-LARGE = 512
+HASH_WHOLE_ROWS = 512
 """Rows of a mesh's arrays up to which all are hashed at every call, and words that are hashed of more."""
 
 AT_WRENCH, AT_REQUEST, AT_SEEN, AT_LOAD = 18, 30, 36, 41
@@ -197,7 +197,7 @@ def _hash_items(
 
 
 @kernel
-def _carries(table: Any, model: int, body: int) -> Any:
+def _has_plugin(table: Any, model: int, body: int) -> Any:
     """Whether a body carries this plugin, by whichever instance."""
     instance = ints(table, model, BODY_PLUGIN)[body]
     return instance >= 0 and ints(table, model, PLUGIN)[instance] == table[SLOT]
@@ -241,20 +241,20 @@ def is_head(table: Any, model: int, body: int, instance: int, below: bool) -> An
         return False
     parent = ints(table, model, BODY_PARENTID)
     while body > 0:
-        if _carries(table, model, body):
+        if _has_plugin(table, model, body):
             return ints(table, model, BODY_PLUGIN)[body] == instance
         body = parent[body]
     return False
 
 
 @kernel
-def _belongs(table: Any, model: int, body: int, head: int) -> bool:
+def _is_welded(table: Any, model: int, body: int, head: int) -> bool:
     """Whether a body below a head is welded to it, and carries no plugin of its own."""
     weld, parent = ints(table, model, BODY_WELDID), ints(table, model, BODY_PARENTID)
     if weld[body] != weld[head]:
         return False
     while body != head:
-        if _carries(table, model, body):
+        if _has_plugin(table, model, body):
             return False
         body = parent[body]
     return True
@@ -271,7 +271,7 @@ def _content(table: Any, model: int, head: int, instance: int) -> int:
     last = size(table, model, NBODY)
     body = head
     while True:
-        if body == head or _belongs(table, model, body, head):
+        if body == head or _is_welded(table, model, body, head):
             key = _body_content(table, model, body, head, key)
         body += 1
         if body >= last or parent[body] < head:
@@ -319,13 +319,13 @@ def _body_content(table: Any, model: int, body: int, head: int, key: int) -> int
 @kernel
 def _hash_large(table: Any, model: int, member: int, first: int, count: int, key: int) -> int:
     """Hash of rows of 12 bytes; of many, some words and the address of the model."""
-    if count <= LARGE:
+    if count <= HASH_WHOLE_ROWS:
         return _hash_items(table, model, member, first, 12, count, key)
     address = as_words(model + table[member])[0] + 12 * first
     words = 12 * count >> 3
     key = _mix(_mix(key, model), count)
-    for i in range(LARGE):
-        key = _mix(key, word_at(address, i * words // LARGE))
+    for i in range(HASH_WHOLE_ROWS):
+        key = _mix(key, word_at(address, i * words // HASH_WHOLE_ROWS))
     return key
 
 
@@ -339,8 +339,8 @@ def _is_large(table: Any, model: int, head: int) -> bool:
         for geom in range(first, first + ints(table, model, BODY_GEOMNUM)[body]):
             mesh = ints(table, model, GEOM_DATAID)[geom]
             if ints(table, model, GEOM_TYPE)[geom] == GEOM_MESH and (
-                ints(table, model, MESH_VERTNUM)[mesh] > LARGE
-                or ints(table, model, MESH_FACENUM)[mesh] > LARGE
+                ints(table, model, MESH_VERTNUM)[mesh] > HASH_WHOLE_ROWS
+                or ints(table, model, MESH_FACENUM)[mesh] > HASH_WHOLE_ROWS
             ):
                 return True
         body += 1
@@ -366,7 +366,7 @@ def _look_up(table: Any, key: int) -> Any:
 
 
 @kernel
-def _ask(
+def _request_python(
     table: Any, model: int, what: int, body: int, instance: int, key: int, request: int
 ) -> Any:
     """Ask Python; request (REQUEST words) holds what it says, its answer is returned."""
@@ -386,7 +386,7 @@ def load_body(table: Any, model: int, data: int, body: int, instance: int, scrat
     key = _content(table, model, body, instance)
     record = _look_up(table, key)
     if record == -1:
-        record = _ask(table, model, HULL, body, instance, key, scratch + 8 * AT_REQUEST)
+        record = _request_python(table, model, HULL, body, instance, key, scratch + 8 * AT_REQUEST)
     if record == DRY:
         return 0
     wrench = as_doubles(scratch + 8 * AT_WRENCH)
@@ -413,7 +413,9 @@ def load_body(table: Any, model: int, data: int, body: int, instance: int, scrat
             first = not known[NEEDED_STEP] < np.inf
             known[NEEDED_STEP] = needed
             if first:
-                _ask(table, model, TOO_LARGE_STEP, body, instance, key, scratch + 8 * AT_REQUEST)
+                _request_python(
+                    table, model, TOO_LARGE_STEP, body, instance, key, scratch + 8 * AT_REQUEST
+                )
         total = 0.0
         for i in range(12):
             total += wrench[i]
@@ -439,7 +441,7 @@ def _surface(table: Any, model: int, instance: int, request: int) -> Any:
     key = key if key != 0 else 1
     found = _look_up(table, key)
     if found == -1:
-        found = _ask(table, model, SURFACE, -1, instance, key, request)
+        found = _request_python(table, model, SURFACE, -1, instance, key, request)
     return found
 
 
@@ -504,7 +506,9 @@ def _sense(table: Any, model: int, data: int, instance: int, sensor: int, scratc
 def nstate(model: int, instance: int) -> int:
     """Doubles of state: of a surface that moves, or on which bodies radiate; of still water none."""
     request = stack_doubles(REQUEST)
-    found: int = _ask(as_words(root_address()), model, STATE_SIZE, -1, instance, 0, request)
+    found: int = _request_python(
+        as_words(root_address()), model, STATE_SIZE, -1, instance, 0, request
+    )
     if as_words(request)[MESSAGE] != 0:
         mju_error(as_words(request)[MESSAGE])  # does not return
     return found
@@ -525,7 +529,7 @@ def init(model: int, data: int, instance: int) -> int:
     """Called for every new MjData, and so by the compiler: look at the configuration, build the records."""
     table = as_words(root_address())
     request = stack_doubles(REQUEST)
-    _ask(table, model, CONFIGURATION, -1, instance, 0, request)
+    _request_python(table, model, CONFIGURATION, -1, instance, 0, request)
     below = wets_below(table, model, instance)
     built = False
     for body in range(1, size(table, model, NBODY)):
@@ -534,11 +538,11 @@ def init(model: int, data: int, instance: int) -> int:
             known = _look_up(table, key)
             if known <= 0:
                 built = True
-                _ask(table, model, HULL, body, instance, key, request)
+                _request_python(table, model, HULL, body, instance, key, request)
             elif _is_large(table, model, body):
-                _ask(table, model, FRESH_HULL, body, instance, key, request)
+                _request_python(table, model, FRESH_HULL, body, instance, key, request)
     if built and as_words(request)[MESSAGE] == 0:
-        _ask(table, model, DOUBTS, -1, instance, 0, request)
+        _request_python(table, model, WARNINGS, -1, instance, 0, request)
     message = as_words(request)[MESSAGE]
     if message != 0:
         mju_error(message)  # does not return

@@ -1,6 +1,6 @@
 """What water and air do to one wet body of a MuJoCo model: the wrench, and its limit in a step too large.
 
-A *record* of doubles is what both doors, `attach` and the plugin, know a wet body by:
+A *record* of doubles is what both `attach` and the plugin know a wet body by:
 
     block         address of the block that the force kernel knows it by, as the bits of a double
     centre        of mass, in the body that the force acts on (3) [m]

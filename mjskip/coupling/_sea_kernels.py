@@ -42,12 +42,12 @@ from mjskip.hydro import _afloat_kernels as afloat
 
 WRENCH, BUILDER, TABLE, GRAVITY, TIMESTEP, MEMBERS = 0, 1, 2, 3, 4, 5
 SLOTS, PAIRS = 0, 1
-INSTANCE, DATA, ENTRY_ASKED, ANSWER, KEY, MESSAGE, REQUEST = 0, 1, 2, 3, 4, 5, 6
+INSTANCE, DATA, REQUESTED_ENTRY, ANSWER, KEY, MESSAGE, REQUEST = 0, 1, 2, 3, 4, 5, 6
 """A request: the entry of a plugin's instance for the state at an address (0: as bodies float by themselves), or with one
 of the numbers below as instance."""
-NEW_STATE, PREPARE_AGAIN, DOUBT = -1, -2, -3
+NEW_STATE, PREPARE_AGAIN, WARNING = -1, -2, -3
 """The state of attached data; the entry of attached bodies for a state; to say that a body is where the theory ends."""
-SURFACE_BLOCK, SURFACE_WORDS, COUNT, SCRATCH, STATES, STATE_SIZE, DOUBTED, ENTRY = range(8)
+SURFACE_BLOCK, SURFACE_WORDS, COUNT, SCRATCH, STATES, STATE_SIZE, WARNED, ENTRY = range(8)
 BODY, BLOCK, WORDS, SLOT, RECORD, ROW = 0, 1, 2, 3, 4, 5
 
 MODEL_MEMBERS = (
@@ -74,7 +74,7 @@ MEMORY = 20.0
 """Time over which a mean pose is taken, in sqrt(length / 2 g)."""
 CAPSIZE, PLANING, SLAMMING = 0.8, 0.5, 1.0
 """Linear theory ends about here: cosine of the heel, speed over sqrt(g length), rate of fall over sqrt(g draft)."""
-MOST_DOFS = 64
+MAX_DOFS = 64
 """Degrees of freedom between a floating body and the world that know of its added mass."""
 
 WARN_BADQACC = 5
@@ -130,7 +130,7 @@ def _look_up(table: Any, key: int) -> Any:
 
 
 @kernel
-def _ask(table: Any, model: int, instance: int, request: int) -> Any:
+def _request_python(table: Any, model: int, instance: int, request: int) -> Any:
     """Ask Python what a request is about."""
     words = as_words(request)
     words[INSTANCE], words[ANSWER], words[KEY], words[MESSAGE] = instance, 0, 0, 0
@@ -216,7 +216,7 @@ def _add_mass(
     c, s = math.cos(yaw), math.sin(yaw)
     # Jacobian's columns in the level frame, and A times them
     count, dof = 0, last
-    while dof >= 0 and count < MOST_DOFS:
+    while dof >= 0 and count < MAX_DOFS:
         k, at = 6 * dof, 12 * count
         wx, wy, wz = axis[k], axis[k + 1], axis[k + 2]
         vx = axis[k + 3] + wy * rz - wz * ry
@@ -366,7 +366,7 @@ def _entry_of(table: Any, model: int, data: int, instance: int, at: int) -> Any:
     if address == 0:
         request = stack_doubles(REQUEST)
         as_words(request)[DATA] = at
-        address = _ask(table, model, instance, request)
+        address = _request_python(table, model, instance, request)
         if header[afloat.FRESH] == 0.0:
             header[afloat.TIME] = as_doubles(data + table[TIME])[0]
             header[afloat.PENDING] = 0.0
@@ -389,7 +389,7 @@ def act(model: int, data: int, instance: int) -> None:
     if as_doubles(at)[afloat.PENDING] != 0.0 and _step(table, model, data, entry, at, scratch):
         request = stack_doubles(REQUEST)
         as_words(request)[DATA] = at
-        entry = as_words(_ask(table, model, instance, request))
+        entry = as_words(_request_python(table, model, instance, request))
         as_doubles(at)[afloat.FRESH] = float(as_words(request)[KEY])
         _forget_readings(entry, at)
         scratch = stack_doubles(entry[SCRATCH])
@@ -397,18 +397,18 @@ def act(model: int, data: int, instance: int) -> None:
 
 
 @kernel
-def _ask_again(table: Any, model: int, address: int, at: int) -> Any:
+def _request_again(table: Any, model: int, address: int, at: int) -> Any:
     """The entry of attached bodies for the poses that a state holds; it is noted there."""
     request = stack_doubles(REQUEST)
     words = as_words(request)
-    words[DATA], words[ENTRY_ASKED] = at, address
-    found = _ask(table, model, PREPARE_AGAIN, request)
+    words[DATA], words[REQUESTED_ENTRY] = at, address
+    found = _request_python(table, model, PREPARE_AGAIN, request)
     as_doubles(at)[afloat.FRESH] = float(words[KEY])
     return found
 
 
 @kernel
-def _doubt(
+def _request_warning(
     table: Any, model: int, entry: Any, surface: Any, block: Any, pose: Any, body: int
 ) -> None:
     """Say once of an entry that a body is where linear theory ends."""
@@ -426,11 +426,11 @@ def _doubt(
         what, value = 3, fall
     if what == 0:
         return
-    entry[DOUBTED] = 1
+    entry[WARNED] = 1
     request = stack_doubles(REQUEST)
     words = as_words(request)
-    words[DATA], words[ENTRY_ASKED] = body, what + 10 * int(1000.0 * value)
-    _ask(table, model, DOUBT, request)
+    words[DATA], words[REQUESTED_ENTRY] = body, what + 10 * int(1000.0 * value)
+    _request_python(table, model, WARNING, request)
 
 
 def act_attached(model: int, data: int, address: int) -> None:
@@ -448,8 +448,8 @@ def act_attached(model: int, data: int, address: int) -> None:
     at = states[PAIRS + 2 * k + 1]
     if states[PAIRS + 2 * k] != data:
         request = stack_doubles(REQUEST)
-        as_words(request)[DATA], as_words(request)[ENTRY_ASKED] = data, address
-        at = _ask(table, model, NEW_STATE, request)
+        as_words(request)[DATA], as_words(request)[REQUESTED_ENTRY] = data, address
+        at = _request_python(table, model, NEW_STATE, request)
     header = as_doubles(at)
     now, step = as_doubles(data + table[TIME])[0], as_doubles(model + table[TIMESTEP])[0]
     late = now - header[afloat.TIME]
@@ -460,13 +460,13 @@ def act_attached(model: int, data: int, address: int) -> None:
     if header[afloat.FRESH] != 1.0:  # prepared again since it was attached
         other = _look_up(table, int(header[afloat.FRESH]))
         if other == 0:
-            other = _ask_again(table, model, address, at)
+            other = _request_again(table, model, address, at)
         entry = as_words(other)
     scratch = stack_doubles(entry[SCRATCH])
     if (1.0 - 1e-6) * step <= now - header[afloat.TIME] and _step(
         table, model, data, entry, at, scratch
     ):
-        entry = as_words(_ask_again(table, model, address, at))
+        entry = as_words(_request_again(table, model, address, at))
         _forget_readings(entry, at)
         scratch = stack_doubles(entry[SCRATCH])
     _act(table, model, data, entry, at, scratch)
@@ -498,8 +498,8 @@ def _act(table: Any, model: int, data: int, entry: Any, at: int, scratch: int) -
     drag = numba.carray(as_doubles(scratch + 8 * 36), 12)
     load = numba.carray(as_doubles(scratch + 8 * 48), 6)
     water = numba.carray(as_doubles(scratch + 8 * 54), 4)
-    columns = numba.carray(as_doubles(scratch + 8 * 58), 12 * MOST_DOFS)
-    spare = scratch + 8 * (58 + 12 * MOST_DOFS)
+    columns = numba.carray(as_doubles(scratch + 8 * 58), 12 * MAX_DOFS)
+    spare = scratch + 8 * (58 + 12 * MAX_DOFS)
     room = numba.carray(as_doubles(spare + 8 * RECORD_SCRATCH), 1 << 40)
     now = as_doubles(data + table[TIME])[0]
     keep = now == state[afloat.TIME]
@@ -516,8 +516,8 @@ def _act(table: Any, model: int, data: int, entry: Any, at: int, scratch: int) -
         if begins:
             _note_acceleration(table, model, data, body, own, 1.0)
         _pose(table, model, data, body, known, pose)
-        if entry[DOUBTED] == 0:
-            _doubt(table, model, entry, surface, block, pose, body)
+        if entry[WARNED] == 0:
+            _request_warning(table, model, entry, surface, block, pose, body)
         load[:] = 0.0
         weight = afloat.body_force(
             surface, block, state, slot + OWN, pose, now, keep, parts, first, room, load

@@ -21,6 +21,7 @@ import numpy.typing as npt
 from mujoco.introspect import ast_nodes
 from mujoco.introspect.structs import STRUCTS
 
+from mjskip._typing import Array
 from mjskip.errors import MjskipError
 
 library = ctypes.CDLL(str(next(Path(mujoco.__file__).parent.glob("libmujoco.*"))))
@@ -133,7 +134,7 @@ class ModelView:
         return _array(ctypes.c_uint64.from_address(address).value, member.kind, shape)
 
     @property
-    def gravity(self) -> npt.NDArray[np.float64]:
+    def gravity(self) -> Array:
         """`MjModel.opt.gravity` (3,) [m/s^2]."""
         return _array(self._address + option_offset("gravity"), "mjtNum", (3,))
 

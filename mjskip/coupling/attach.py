@@ -18,14 +18,14 @@ from mjskip.checks import check_type, fault
 from mjskip.coupling import callback
 from mjskip.coupling.bodies import body_name, find_body
 from mjskip.coupling.plugin import plugin_water
-from mjskip.coupling.records import doubts, make_record, too_large_step
+from mjskip.coupling.records import make_record, physical_warnings, too_large_step
 from mjskip.coupling.sea import (
     FloatingHull,
     SeaSurface,
     attach_surface,
     detach_surface,
-    enlist_surface,
     finer,
+    register_surface,
 )
 from mjskip.coupling.selection import BodyRule, GeomRule, WetBody, select
 from mjskip.coupling.wet import BuiltHull, HullOptions, Inertia, Interior, hull_of, inertia_of
@@ -46,7 +46,7 @@ class Coupling:
     also if this object is dropped; attaching the model again then takes its place.
 
     Attributes:
-        model: the model; its copies are strangers.
+        model: the model; a copy of it counts as another model.
         bodies: ids of the bodies the water acts on.
         hulls: what each of them is to the water, in the same order.
         water: the fluid.
@@ -108,7 +108,7 @@ class Coupling:
         self._depth = 0
         self._remove: Callable[[], bool] | None = None
         self._told: set[str] = set()
-        self.doubts = doubts(
+        self.warnings = physical_warnings(
             model, water, zip(self.bodies, (w.members for w in self.wet), self.built, strict=True)
         )
 
@@ -174,7 +174,7 @@ class Coupling:
         self._entry.forget()
         self._told.clear()
         if self.surface is not None:
-            enlist_surface(self.surface)
+            register_surface(self.surface)
         install = callback.install_native if self._native else callback.install_python
         self._remove = install(self, self._entry)
         if self._data is not None:
@@ -492,7 +492,7 @@ def attach(
         native=native,
         sea=Sea.from_text(sea, gravity=_gravity(model)) if isinstance(sea, str) else sea,
     )
-    for text in coupling.doubts:
+    for text in coupling.warnings:
         warnings.warn(text, MjskipWarning, stacklevel=2)
     return coupling.open()
 

@@ -216,10 +216,10 @@ def _forget(key: int, entry: Entry) -> None:
         if key in _attached and _attached[key][0] is entry:
             del _attached[key]
             _publish()
-            _leave_slot()
+            _restore_callback()
 
 
-def _leave_slot() -> None:
+def _restore_callback() -> None:
     """Put back the callback that was here before, if no model is attached any more."""
     if not _attached and tables.root[tables.WRENCH] and _slot.value == compile_callback()[1]:
         _slot.value = int(tables.root[tables.PREVIOUS]) or None
@@ -302,7 +302,7 @@ def install_python(coupling: Coupling, entry: Entry) -> Callable[[], bool]:
             if acting:
                 mujoco.set_mjcb_control(name)
                 _slot.value = address  # of a C function that the bindings know nothing of
-                _leave_slot()
+                _restore_callback()
         return acting
 
     return remove

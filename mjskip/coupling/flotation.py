@@ -65,11 +65,13 @@ def float_at_rest(
     """
     check_type("model", model, mujoco.MjModel, "give what mujoco.MjModel.from_xml_path(file) makes")
     root = tree_root(model, body)
-    told = plugin_settings(model, root)
+    settings = plugin_settings(model, root)
     options = HullOptions(interior=interior or "flooded", max_faces=max_faces)
-    if told is not None:
-        water, geoms = water or told.water, told.geoms if geoms is None else geoms
-        options = told.options if interior is None else replace(told.options, interior=interior)
+    if settings is not None:
+        water, geoms = water or settings.water, settings.geoms if geoms is None else geoms
+        options = (
+            settings.options if interior is None else replace(settings.options, interior=interior)
+        )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", MjskipWarning)
         coupling = Coupling(

@@ -51,16 +51,16 @@ def _with_sea(file: Path, sea: str) -> mujoco.MjModel:
     register_plugin()
     try:
         spec = mujoco.MjSpec.from_file(str(file))
-        told = [
+        found_plugins = [
             one
             for one in spec.plugins
             if one.plugin_name == NAME and one.config.get("radiation") == "true"
         ]
-        if not told:
+        if not found_plugins:
             raise SceneError(
                 f'no instance of plugin {NAME} in {file} has radiation="true": a sea acts on bodies that radiate'
             )
-        for one in told:
+        for one in found_plugins:
             one.config = {**one.config, "sea": sea}
         return spec.compile()
     except ValueError as error:

@@ -28,14 +28,14 @@ from mjskip.waves.window import largest_timestep, water_of
 SurfaceKind = Literal["still", "waves", "deep"]
 SURFACES: tuple[SurfaceKind, ...] = get_args(SurfaceKind)
 
-FEWEST_CELLS, MOST_CELLS = 16, 512
+MIN_CELLS, MAX_CELLS = 16, 512
 """Along a side of a window: its state is 3 doubles a cell."""
 
 LONGEST_FACE = 2.0
 """Longest edge of a face inside MuJoCo, in radii of a bump: a third of the faces of the reference engine, which has 1;
 times of touches and exit speeds of the throws of docs/water.md change by 1 to 1.5%."""
 
-MOST_FACES = 1024
+MAX_FACES = 1024
 """Faces of a body, after splitting: a step solves for all that are loaded at once."""
 
 
@@ -80,9 +80,9 @@ class MovingWater:
                 )
             return
         check_positive(size=self.size, spacing=self.spacing)
-        if not FEWEST_CELLS <= self.cells <= MOST_CELLS:
+        if not MIN_CELLS <= self.cells <= MAX_CELLS:
             raise ValueError(
-                f"size is {self.size:g} and spacing {self.spacing:g}: give {FEWEST_CELLS} to {MOST_CELLS} cells along a "
+                f"size is {self.size:g} and spacing {self.spacing:g}: give {MIN_CELLS} to {MAX_CELLS} cells along a "
                 "side"
             )
         self._water(density=1000.0, gravity=9.81)
@@ -111,7 +111,7 @@ class MovingWater:
     def _water(self, *, density: float, gravity: float) -> Array:
         assert self.surface != "still"
         return water_of(
-            self.surface, cells=max(self.cells, FEWEST_CELLS), spacing=self.spacing, gravity=gravity,
+            self.surface, cells=max(self.cells, MIN_CELLS), spacing=self.spacing, gravity=gravity,
             density=density, wave_speed=self.wave_speed, depth=self.depth, damping=self.damping,
             tension=self.tension,
         )  # fmt: skip
@@ -148,10 +148,10 @@ class MovingWater:
         """
         split = split_block(block, LONGEST_FACE * self.load_radius)
         count = int(split[hydro.N_FACES])
-        if count > MOST_FACES:
+        if count > MAX_FACES:
             raise ValueError(
                 f"load_radius is {self.load_radius:g} m, and a body of radius {block[hydro.RADIUS]:.3g} m has {count} "
-                f"faces no longer than twice that, of {MOST_FACES} at most: use a larger load_radius"
+                f"faces no longer than twice that, of {MAX_FACES} at most: use a larger load_radius"
             )
         rest = block.copy()
         rest[[hydro.NORMAL_SQUARED, hydro.SPEED_NORMAL, hydro.CAVITY]] = 0.0

@@ -52,18 +52,18 @@ from typing import Any
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 from numba import types
 
 from mjskip._compile.jit import native
 from mjskip._compile.pointers import address_of_cfunc
+from mjskip._typing import Array
 from mjskip.coupling import _plugin_kernels as kernels
 from mjskip.coupling import _record_kernels as loads
 from mjskip.coupling import _struct_layout as _layout
 from mjskip.coupling._struct_layout import library
 from mjskip.coupling.bodies import SOLIDS, body_geoms, body_name, geom_name, kind_name, pose_in
 from mjskip.coupling.moving_water import MovingWater, moving_functions
-from mjskip.coupling.records import doubts, make_record, too_large_step
+from mjskip.coupling.records import make_record, physical_warnings, too_large_step
 from mjskip.coupling.sea import (
     FloatingHull,
     SeaSurface,
@@ -143,23 +143,23 @@ def plugin_settings(model: mujoco.MjModel, body: int) -> PluginSettings | None:
     while carrier > 0:
         instance = int(model.body_plugin[carrier])
         if instance >= 0 and model.plugin[instance] == slot:
-            told = _configured(_layout.ModelView(model._address), instance)
+            settings = _configured(_layout.ModelView(model._address), instance)
             same = model.body_weldid[carrier] == model.body_weldid[body]
-            return told if told.below or same else None
+            return settings if settings.below or same else None
         carrier = int(model.body_parentid[carrier])
     return None
 
 
 def plugin_water(model: mujoco.MjModel, body: int) -> Water | None:
     """The water that the plugin puts on a body of a compiled model; None if it puts none there."""
-    told = plugin_settings(model, body)
-    return None if told is None else told.water
+    settings = plugin_settings(model, body)
+    return None if settings is None else settings.water
 
 
 def instance_options(model: mujoco.MjModel, instance: int) -> tuple[MovingWater, Water, float]:
     """The surface and the fluid of an instance of a compiled model, and its gravity downwards [m/s^2]."""
-    told = _configured(_layout.ModelView(model._address), instance)
-    return told.surface, told.water, float(-model.opt.gravity[2])
+    settings = _configured(_layout.ModelView(model._address), instance)
+    return settings.surface, settings.water, float(-model.opt.gravity[2])
 
 
 def plugin_bodies(
@@ -170,12 +170,14 @@ def plugin_bodies(
     for instance in range(model.nplugin):
         if slot < 0 or model.plugin[instance] != slot:
             continue
-        told = _configured(view, instance)
-        for body in _heads(view, instance, told):
-            wet = _wet(view, body, told)
+        settings = _configured(view, instance)
+        for body in _heads(view, instance, settings):
+            wet = _wet(view, body, settings)
             if wet.geoms:
                 inertia = inertia_of(view, body, wet.members)
-                found.append((wet, inertia, hull_of(view, wet, told.options, inertia), told.water))
+                found.append(
+                    (wet, inertia, hull_of(view, wet, settings.options, inertia), settings.water)
+                )
     return found
 
 
@@ -236,14 +238,14 @@ def _describe() -> _Plugin:
         needstage=int(mujoco.mjtStage.mjSTAGE_VEL),
         **{name: address_of_cfunc(function) for name, function in functions.items()},
     )
-    _keep_for_ever((plugin, functions))
+    _keep_alive((plugin, functions))
     return plugin
 
 
 def _fill_root() -> None:
     """Tell the compiled code where everything is."""
     builder = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 3)(_answer)
-    _keep_for_ever((builder, kernels.root, _answer))
+    _keep_alive((builder, kernels.root, _answer))
     root = kernels.root
     root[kernels.WRENCH] = wrench_address()
     root[kernels.IMMERSION] = immersion_address()
@@ -265,7 +267,7 @@ def _fill_root() -> None:
     ]
 
 
-def _keep_for_ever(objects: Any) -> None:
+def _keep_alive(objects: Any) -> None:
     """MuJoCo keeps their addresses until the process ends, even if this module is loaded anew."""
     ctypes.pythonapi.Py_IncRef(ctypes.py_object(objects))
 
@@ -274,8 +276,8 @@ def _keep_for_ever(objects: Any) -> None:
 class _Kept:
     """A record with what it points to, and the hull it was made of as long as the registry has it."""
 
-    record: npt.NDArray[np.float64]
-    blocks: tuple[npt.NDArray[np.float64], ...] = ()
+    record: Array
+    blocks: tuple[Array, ...] = ()
     built: weakref.ref[BuiltHull] | None = None
 
     @property
@@ -374,26 +376,26 @@ def _answer(model: int, address: int, _unused: int) -> None:
     try:
         view = _layout.ModelView(model)
         if what == kernels.TOO_LARGE_STEP:
-            _say_too_large_step(view, body, key)
+            _warn_of_step(view, body, key)
             return
-        told = _configured(view, instance)
-        if told.water.radiation:
+        settings = _configured(view, instance)
+        if settings.water.radiation:
             _link_sea()
         if what == kernels.CONFIGURATION:
-            _check_sensors(view, instance, told)
-        elif what == kernels.DOUBTS:
-            _say_doubts(view, instance, told)
+            _check_sensors(view, instance, settings)
+        elif what == kernels.WARNINGS:
+            _warn_of_instance(view, instance, settings)
         elif what == kernels.STATE_SIZE:
-            radiates = told.water.radiation
+            radiates = settings.water.radiation
             request[kernels.ANSWER] = (
-                _sea_size(view, instance) if radiates else told.surface.state_size
+                _sea_size(view, instance) if radiates else settings.surface.state_size
             )
         elif what == kernels.SURFACE:
             with _lock:
-                request[kernels.ANSWER] = _find_surface(view, told, key)
+                request[kernels.ANSWER] = _find_surface(view, settings, key)
         else:
             with _lock:
-                request[kernels.ANSWER] = _find_record(view, body, told, key, what)
+                request[kernels.ANSWER] = _find_record(view, body, settings, key, what)
     except Exception as error:  # nothing may pass through the C code that called
         text = " ".join(str(error).split()) or type(error).__name__
         message = ctypes.create_string_buffer(text.replace("%", "%%").encode())
@@ -407,53 +409,53 @@ def _answer(model: int, address: int, _unused: int) -> None:
                 _records.add(key, kernels.CANNOT)
 
 
-def _find_record(view: Any, body: int, told: PluginSettings, key: int, what: int) -> int:
+def _find_record(view: Any, body: int, settings: PluginSettings, key: int, what: int) -> int:
     """What the table has for a body, made now if need be."""
     known = _records.made.get(key)
     if known is not None and what == kernels.HULL and known != kernels.CANNOT:
         return known if isinstance(known, int) else int(known.record.ctypes.data)
-    wet = _wet(view, body, told)
+    wet = _wet(view, body, settings)
     if not wet.geoms:
         return _records.add(key, kernels.DRY)
     inertia = inertia_of(view, body, wet.members)
-    built = hull_of(view, wet, told.options, inertia)
+    built = hull_of(view, wet, settings.options, inertia)
     if isinstance(known, _Kept) and known.built is not None and known.built() is built:
         return int(known.record.ctypes.data)
     if built.hull is None:
         return _records.add(key, kernels.DRY)
-    block = pack(built.hull, told.water, gravity=float(-view.gravity[2]))
-    record = make_record(built.hull, told.water, inertia, block)
-    blocks: tuple[npt.NDArray[np.float64], ...] = (block,)
-    if told.surface.moves:
-        split, block[:] = told.surface.split(block)
+    block = pack(built.hull, settings.water, gravity=float(-view.gravity[2]))
+    record = make_record(built.hull, settings.water, inertia, block)
+    blocks: tuple[Array, ...] = (block,)
+    if settings.surface.moves:
+        split, block[:] = settings.surface.split(block)
         record = np.append(record, np.array([split.ctypes.data], np.int64).view(np.float64))
         blocks += (split,)
     return _records.add(key, _Kept(record=record, blocks=blocks, built=weakref.ref(built)))
 
 
-def _find_surface(view: Any, told: PluginSettings, key: int) -> int:
+def _find_surface(view: Any, settings: PluginSettings, key: int) -> int:
     """What the table has for an instance's surface, made now if need be."""
     known = _records.made.get(key)
     if known is None:
-        if not (told.surface.moves or told.surface.arrows):
+        if not (settings.surface.moves or settings.surface.arrows):
             return _records.add(key, kernels.DRY)
         where = (kernels.MOVING_COMPUTE, kernels.MOVING_ADVANCE, kernels.MOVING_DRAW)
         kernels.root[list(where)] = moving_functions()
         gravity = float(-view.gravity[2])
-        record = told.surface.record(density=told.water.density, gravity=gravity)
+        record = settings.surface.record(density=settings.water.density, gravity=gravity)
         return _records.add(key, _Kept(record=record))
     return known if isinstance(known, int) else int(known.record.ctypes.data)
 
 
 def _sea_of(view: Any, instance: int) -> tuple[int, SeaSurface]:
     """The surface of an instance whose bodies radiate, and its hash."""
-    told = _configured(view, instance)
-    options = finer(told.options)
+    settings = _configured(view, instance)
+    options = finer(settings.options)
     found = []
     for body in range(1, int(view.nbody)):
         if int(view.body_plugin[body]) != instance:
             continue
-        wet = _wet(view, body, told)
+        wet = _wet(view, body, settings)
         inertia = inertia_of(view, body, wet.members)
         built = hull_of(view, wet, options, inertia)
         if built.hull is None:
@@ -477,7 +479,7 @@ def _sea_of(view: Any, instance: int) -> tuple[int, SeaSurface]:
     timestep = float(
         _layout._array(view._address + _layout.option_offset("timestep"), "mjtNum", (1,))[0]
     )
-    return surface_of(found, told.water, told.sea, told.sea_text, timestep=timestep)
+    return surface_of(found, settings.water, settings.sea, settings.sea_text, timestep=timestep)
 
 
 ask_plugin[:] = [_sea_of]
@@ -526,13 +528,13 @@ def _carried_mass(view: Any, body: int) -> float:
     return float(sum(view.body_mass[b] for b in inside))
 
 
-def _wet(view: Any, body: int, told: PluginSettings) -> WetBody:
-    stop = [b for b in range(1, int(view.nbody)) if b != body and _carries(view, b)]
-    rule = _chosen(view, told.geoms, body)
+def _wet(view: Any, body: int, settings: PluginSettings) -> WetBody:
+    stop = [b for b in range(1, int(view.nbody)) if b != body and _has_plugin(view, b)]
+    rule = _chosen(view, settings.geoms, body)
     return wet_body(view, body, rule, stop=stop)
 
 
-def _carries(view: Any, body: int) -> bool:
+def _has_plugin(view: Any, body: int) -> bool:
     instance = int(view.body_plugin[body])
     return instance >= 0 and int(view.plugin[instance]) == int(kernels.root[kernels.SLOT])
 
@@ -560,28 +562,28 @@ def _chosen(view: Any, rule: GeomRule, body: int) -> Any:
     return lambda geom: geom in wanted
 
 
-def _heads(view: Any, instance: int, told: PluginSettings) -> Iterator[int]:
+def _heads(view: Any, instance: int, settings: PluginSettings) -> Iterator[int]:
     """The bodies that an instance wets, as compiled code finds them."""
     for body in range(1, int(view.nbody)):
         if int(view.body_plugin[body]) == instance:
             yield body
-        elif told.below and int(view.body_jntnum[body]) > 0:
+        elif settings.below and int(view.body_jntnum[body]) > 0:
             carrier = body
-            while carrier > 0 and not _carries(view, carrier):
+            while carrier > 0 and not _has_plugin(view, carrier):
                 carrier = int(view.body_parentid[carrier])
             if carrier > 0 and int(view.body_plugin[carrier]) == instance:
                 yield body
 
 
-def _say_doubts(view: Any, instance: int, told: PluginSettings) -> None:
+def _warn_of_instance(view: Any, instance: int, settings: PluginSettings) -> None:
     """Say once what is doubtful about an instance; raise if it wets nothing."""
     wet = []
     reasons: list[str] = []
-    for body in _heads(view, instance, told):
-        found = _wet(view, body, told)
+    for body in _heads(view, instance, settings):
+        found = _wet(view, body, settings)
         if found.geoms:
             inertia = inertia_of(view, body, found.members)
-            built = hull_of(view, found, told.options, inertia)
+            built = hull_of(view, found, settings.options, inertia)
             wet.append((body, found.members, built))
         else:
             whys = ", ".join(f"{geom_name(view, g)} {why}" for g, why in found.left_out.items())
@@ -590,13 +592,13 @@ def _say_doubts(view: Any, instance: int, told: PluginSettings) -> None:
             )
     if reasons and not any(built.hull for _, _, built in wet):
         raise SceneError(f"plugin {NAME}: {'; '.join(reasons)}")
-    for text in doubts(view, told.water, wet, medium=view.medium):
+    for text in physical_warnings(view, settings.water, wet, medium=view.medium):
         if text not in _told:
             _told.append(text)
             warnings.warn(text, MjskipWarning, stacklevel=2)
 
 
-def _say_too_large_step(view: Any, body: int, key: int) -> None:
+def _warn_of_step(view: Any, body: int, key: int) -> None:
     kept = _records.made.get(key)
     if isinstance(kept, _Kept):
         timestep = float(
@@ -614,9 +616,9 @@ def _configured(view: _layout.ModelView, instance: int) -> PluginSettings:
     Raises:
         ValueError: a value is not allowed; names the instance, the key and the value.
     """
-    told = view.plugin_instance(instance)
-    given = {key: text for key, text in zip(KEYS, told.texts, strict=False) if text}
-    who = f"plugin {NAME}" + (f", instance {told.name!r}" if told.name else "")
+    settings = view.plugin_instance(instance)
+    given = {key: text for key, text in zip(KEYS, settings.texts, strict=False) if text}
+    who = f"plugin {NAME}" + (f", instance {settings.name!r}" if settings.name else "")
     try:
         for key, allowed in (("preset", PRESETS), ("bodies", ("tree", "this"))):
             if key in given and given[key] not in allowed:
@@ -650,11 +652,11 @@ def _configured(view: _layout.ModelView, instance: int) -> PluginSettings:
         raise ValueError(f"{who}: {error}") from error
 
 
-def _check_sensors(view: _layout.ModelView, instance: int, told: PluginSettings) -> None:
+def _check_sensors(view: _layout.ModelView, instance: int, settings: PluginSettings) -> None:
     """MuJoCo asks for a sensor's size before it says which object the sensor names."""
     kinds = view.sensor_objtype[view.sensor_plugin == instance]
     site = int(mujoco.mjtObj.mjOBJ_SITE)
-    if (kinds[kinds != site]).any() or ((kinds == site).any() and not told.surface.moves):
+    if (kinds[kinds != site]).any() or ((kinds == site).any() and not settings.surface.moves):
         raise ValueError(
             f"plugin {NAME}: a sensor shows every body of its instance in turn; leave out objtype and "
             "objname, and give a body an instance of its own for a sensor of its own; over water that moves "

@@ -22,7 +22,7 @@ LIGHTER = 1e-3
 """Share of its weight by which a body must be lighter than water to be said to be."""
 
 MASS_OFF = 0.02
-"""Relative error of a mesh's mass from which it is doubted."""
+"""Relative error of a mesh's mass from which there is a warning."""
 
 
 def make_record(hull: Hull, water: Water, inertia: Inertia, block: Array) -> Array:
@@ -59,23 +59,23 @@ def too_large_step(name: str, timestep: float, needed: float, when: float | None
     at = "" if when is None else f" at t = {when:.4g} s"
     return (
         f"time step {timestep:g} s is too large for body {name!r}: the drag of one step{at} would have turned its "
-        f"motion round, and was limited; use a time step of at most {_two_digits_down(needed):g} s"
+        f"motion round, and was limited; use a time step of at most {_floor_two_digits(needed):g} s"
     )
 
 
-def _two_digits_down(value: float) -> float:
+def _floor_two_digits(value: float) -> float:
     step = 10.0 ** (math.floor(math.log10(value)) - 1)
     return float(f"{math.floor(value / step * (1.0 + 1e-12)) * step:.3g}")
 
 
-def doubts(
+def physical_warnings(
     model: Any,
     water: Water,
     wet: Iterable[tuple[int, tuple[int, ...], BuiltHull]],
     *,
     medium: tuple[float, float] | None = None,
 ) -> list[str]:
-    """Physical doubts about a model in water, a sentence each.
+    """What is physically doubtful about a model in water, a sentence each.
 
     Args:
         model: compiled model.
@@ -94,7 +94,7 @@ def doubts(
     for body, members, built in wet:
         root = int(model.body_rootid[body])
         trees[root] = trees.get(root, 0.0) + (built.hull.volume if built.hull else 0.0)
-        found += _mass_doubts(model, members)
+        found += _mass_warnings(model, members)
     for root, volume in trees.items():
         mass = float(np.asarray(model.body_mass)[np.asarray(model.body_rootid) == root].sum())
         if not water.buoyancy and mass < (1.0 - LIGHTER) * water.density * volume:
@@ -105,7 +105,7 @@ def doubts(
     return found
 
 
-def _mass_doubts(model: Any, members: tuple[int, ...]) -> list[str]:
+def _mass_warnings(model: Any, members: tuple[int, ...]) -> list[str]:
     """Bodies of one mesh whose mass MuJoCo has from a volume that is not the mesh's."""
     found = []
     for body in members:

@@ -93,7 +93,7 @@ class Report:
         wet_microseconds: all bodies half immersed, one evaluation of the forces, here and now.
         bare_microseconds: one step of the model without water, here and now.
         evaluations: of the forces in a step: 4 with RK4.
-        doubts: what should be looked at.
+        warnings: what should be looked at.
     """
 
     bodies: tuple[BodyReport, ...]
@@ -103,7 +103,7 @@ class Report:
     wet_microseconds: float
     bare_microseconds: float
     evaluations: int
-    doubts: tuple[str, ...]
+    warnings: tuple[str, ...]
 
     @property
     def step_ratio(self) -> float:
@@ -141,8 +141,8 @@ class Report:
             f"cost: {self.faces} faces; half immersed {self.wet_microseconds:.3g} us an evaluation beside "
             f"{self.bare_microseconds:.3g} us a bare step, so about {self.step_ratio:.2g} times a bare step"
         )
-        for doubt in self.doubts:
-            yield f"doubt: {doubt}"
+        for warning in self.warnings:
+            yield f"warning: {warning}"
 
 
 def _budget(body: BodyReport) -> str:
@@ -187,7 +187,7 @@ def report_of(coupling: Coupling, data: mujoco.MjData | None = None) -> Report:
         wet_microseconds=wet,
         bare_microseconds=bare,
         evaluations=4 if model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4 else 1,
-        doubts=(*coupling.doubts, *(t for b in coupling.built for t in b.warnings)),
+        warnings=(*coupling.warnings, *(t for b in coupling.built for t in b.warnings)),
     )
 
 

@@ -20,7 +20,7 @@ from numba import types
 
 from mjskip._compile.jit import native
 from mjskip._compile.pointers import address_of_cfunc
-from mjskip._typing import Array
+from mjskip._typing import Array, Complex, Integers
 from mjskip.coupling import _sea_kernels as kernels
 from mjskip.coupling import _struct_layout as layout
 from mjskip.coupling.bodies import body_name
@@ -45,14 +45,14 @@ RESOLUTION = 48
 """Segments around a round geom that radiates, at least: its waterplane changes with draft."""
 
 
-MOST_WAVES, MOST_READINGS = 1200, 300
+MAX_WAVES, MAX_READINGS = 1200, 300
 """Plane waves of a surface, and readings of each body, at most: a model's meshes are not known yet when MuJoCo wants to
 know the size of the state. Bodies far apart share the waves: then the shortest are left out."""
 
 
 def most_state(bodies: int) -> int:
     """Numbers of a state, at most."""
-    return afloat_kernels.STATE + 2 * MOST_WAVES + bodies * (kernels.OWN + MOST_READINGS)
+    return afloat_kernels.STATE + 2 * MAX_WAVES + bodies * (kernels.OWN + MAX_READINGS)
 
 
 def finer(options: HullOptions) -> HullOptions:
@@ -105,13 +105,13 @@ class SeaSurface:
     bodies: tuple[FloatingHull, ...]
     rests: tuple[RestPose, ...]
     tables: tuple[RadiationTable, ...]
-    entry: npt.NDArray[np.int64]
+    entry: Integers
     state_size: int
     timestep: float
     kept: tuple[Any, ...] = field(repr=False)
     states: dict[int, Array] = field(default_factory=dict, repr=False)
 
-    def amplitudes(self, state: Array) -> npt.NDArray[np.complex128]:
+    def amplitudes(self, state: Array) -> Complex:
         """Amplitudes of the modes in a state of this surface."""
         start, size = afloat_kernels.STATE, self.modes.size
         return np.asarray(state[start : start + size] + 1j * state[start + size : start + 2 * size])
@@ -137,15 +137,15 @@ class SeaSurface:
         time = float(state[afloat_kernels.TIME])
         origin = state[[afloat_kernels.ORIGIN_X, afloat_kernels.ORIGIN_Y]]
         away = np.linalg.norm(xy - origin, axis=1) / self.modes.reach
-        near = away < FADED
+        near = away < FADE_RANGE
         heights = self.sea.elevation(xy, time)
-        fade = np.clip((FADED - away[near]) / (FADED - 1.0), 0.0, 1.0)
+        fade = np.clip((FADE_RANGE - away[near]) / (FADE_RANGE - 1.0), 0.0, 1.0)
         own = self.modes.elevation(self.amplitudes(state), xy[near] - origin)
         heights[near] += fade * fade * (3.0 - 2.0 * fade) * own
         return heights
 
 
-FADED = 2.0
+FADE_RANGE = 2.0
 """Where waves of bodies have faded from the picture, in reaches."""
 
 
@@ -179,7 +179,7 @@ class _Entries:
 
     def __init__(self) -> None:
         self.made: OrderedDict[int, SeaSurface] = OrderedDict()
-        self.table: npt.NDArray[np.int64] = np.zeros(0, dtype=np.int64)
+        self.table: Integers = np.zeros(0, dtype=np.int64)
         self._retired: deque[Any] = deque(maxlen=4 * self.KEPT)
         self._publish()
 
@@ -221,17 +221,17 @@ def _answer(model: int, address: int, _unused: int) -> None:
             if asked >= 0:
                 key, made = ask_plugin[0](layout.ModelView(model), asked)
                 if data:
-                    key, made = _prepared_again(key, made, data)
+                    key, made = _prepare_anew(key, made, data)
                 request[kernels.KEY], request[kernels.ANSWER] = key, made.entry.ctypes.data
             elif asked == kernels.PREPARE_AGAIN:
-                made = _attached[request[kernels.ENTRY_ASKED]]
-                key, made = _prepared_again(request[kernels.ENTRY_ASKED], made, data)
+                made = _attached[request[kernels.REQUESTED_ENTRY]]
+                key, made = _prepare_anew(request[kernels.REQUESTED_ENTRY], made, data)
                 request[kernels.KEY], request[kernels.ANSWER] = key, made.entry.ctypes.data
             elif asked == kernels.NEW_STATE:
-                made = _attached[request[kernels.ENTRY_ASKED]]
+                made = _attached[request[kernels.REQUESTED_ENTRY]]
                 request[kernels.ANSWER] = _new_state(made, data)
             else:
-                _say_doubt(layout.ModelView(model), data, request[kernels.ENTRY_ASKED])
+                _warn_of_radiation(layout.ModelView(model), data, request[kernels.REQUESTED_ENTRY])
     except Exception as error:  # nothing may pass through the C code that called
         text = " ".join(str(error).split()) or type(error).__name__
         message = ctypes.create_string_buffer(text.replace("%", "%%").encode())
@@ -239,7 +239,7 @@ def _answer(model: int, address: int, _unused: int) -> None:
         request[kernels.MESSAGE] = ctypes.addressof(message)
 
 
-def _prepared_again(key: int, made: SeaSurface, address: int) -> tuple[int, SeaSurface]:
+def _prepare_anew(key: int, made: SeaSurface, address: int) -> tuple[int, SeaSurface]:
     """The surface for the poses that a state holds, and its hash; the same if the hulls are as they were."""
     count = len(made.bodies)
     offsets = np.zeros((count, 3))
@@ -266,19 +266,19 @@ def _prepared_again(key: int, made: SeaSurface, address: int) -> tuple[int, SeaS
     return other, _entries.made[other]
 
 
-DOUBTS = {
+WARNINGS = {
     1: "its vertical is {0:.0f} degrees from that in which it floats",
     2: "it moves through the water at {1:.2g} sqrt(g length): it planes",
     3: "it falls into the water at {1:.2g} sqrt(g draft): it slams",
 }
 
 
-def _say_doubt(view: Any, body: int, code: int) -> None:
+def _warn_of_radiation(view: Any, body: int, code: int) -> None:
     """Warn that linear theory ends."""
     what, value = code % 10, (code // 10) / 1000.0
     angle = math.degrees(math.acos(min(max(value, -1.0), 1.0)))
     warnings.warn(
-        f"body {body_name(view, body)!r} is where the theory of radiation ends: {DOUBTS[what].format(angle, value)}; added "
+        f"body {body_name(view, body)!r} is where the theory of radiation ends: {WARNINGS[what].format(angle, value)}; added "
         "mass and waves are those of small motions about its pose at rest, see docs/afloat.md",
         MjskipWarning,
         stacklevel=2,
@@ -311,12 +311,12 @@ _tables: deque[Any] = deque(maxlen=10000)
 def attach_surface(
     bodies: Sequence[FloatingHull], water: Water, sea: Sea, *, timestep: float
 ) -> SeaSurface:
-    """A surface for attached bodies, between `enlist_surface` and `detach_surface`."""
+    """A surface for attached bodies, between `register_surface` and `detach_surface`."""
     compiled()
     return prepared(bodies, water, sea, timestep=timestep)
 
 
-def enlist_surface(made: SeaSurface) -> None:
+def register_surface(made: SeaSurface) -> None:
     """Let compiled code ask for states of a surface, calm ones."""
     made.states.clear()
     empty = np.zeros(kernels.PAIRS + 4, dtype=np.int64)
@@ -370,8 +370,8 @@ def prepared(
         sea,
         density=water.density,
         timestep=timestep,
-        most_waves=MOST_WAVES,
-        most_readings=MOST_READINGS,
+        most_waves=MAX_WAVES,
+        most_readings=MAX_READINGS,
         modes=modes,
     )
     dragged = replace(water, buoyancy=False, radiation=False)
@@ -380,7 +380,7 @@ def prepared(
         make_record(one.hull, dragged, one.inertia, block)
         for one, block in zip(bodies, blocks, strict=True)
     ]
-    room_each = kernels.OWN + MOST_READINGS
+    room_each = kernels.OWN + MAX_READINGS
     start = afloat_kernels.STATE + 2 * modes.size
     slots = [start + room_each * n for n in range(len(bodies) + 1)]
     room = max(afloat_kernels.scratch_size(surface.block, one.block) for one in packed)
@@ -388,7 +388,7 @@ def prepared(
     entry[kernels.SURFACE_BLOCK] = surface.block.ctypes.data
     entry[kernels.SURFACE_WORDS] = surface.words.ctypes.data
     entry[kernels.COUNT], entry[kernels.STATE_SIZE] = len(bodies), slots[-1]
-    entry[kernels.SCRATCH] = room + 2 * modes.size + 200 + 12 * kernels.MOST_DOFS
+    entry[kernels.SCRATCH] = room + 2 * modes.size + 200 + 12 * kernels.MAX_DOFS
     for n, one in enumerate(bodies):
         row = kernels.ENTRY + kernels.ROW * n
         entry[row : row + kernels.ROW] = (

@@ -6,10 +6,10 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from mjskip._typing import Array
+from mjskip._typing import Array, Flags
 from mjskip.coupling.bodies import FINE, SOLIDS, geom_solid
 
-ASIDE = 1e-9
+RAY_OFFSET = 1e-9
 """The lines of cells are looked at this far aside [m], or one that meets a corner exactly may count it
 in both of its sides or in neither, as they are rounded."""
 
@@ -33,7 +33,7 @@ class ModelTerrain:
                 world = np.asarray(solid.vertices) @ turn.T + data.geom_xpos[geom]
                 self._sections.append(_section(world[solid.faces]))
 
-    def __call__(self, x: npt.ArrayLike, y: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+    def __call__(self, x: npt.ArrayLike, y: npt.ArrayLike) -> Flags:
         """Whether cells at x (nx,) and y (ny,) [m] are land: (nx, ny)."""
         x, y = np.asarray(x, np.float64), np.asarray(y, np.float64)
         land = np.zeros((len(x), len(y)), np.bool_)
@@ -51,10 +51,10 @@ def _section(triangles: Array) -> Array:
     return np.asarray(sides, np.float64).reshape(-1, 2, 3)[:, :, :2]
 
 
-def _covered(sides: Array, x: Array, y: Array) -> npt.NDArray[np.bool_]:
+def _covered(sides: Array, x: Array, y: Array) -> Flags:
     """Points of a grid inside a section: an odd number of its sides lies to the east."""
     inside = np.zeros((len(x), len(y)), np.bool_)
-    y = y + ASIDE
+    y = y + RAY_OFFSET
     for (x0, y0), (x1, y1) in sides:
         spans = (y0 <= y) != (y1 <= y)
         if spans.any():

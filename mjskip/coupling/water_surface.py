@@ -1,4 +1,4 @@
-"""Moving water of the plugin from Python: `add_water` puts it into a model, `WaterSurface` reads and stirs it."""
+"""Moving water of the plugin from Python: `add_water` puts it into a model, `WaterSurface` reads and disturbs it."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def _texts(given: Any, default: Any) -> dict[str, str]:
 
 
 class WaterSurface:
-    """Moving water of one instance of the plugin in one MjData, to read and to stir.
+    """Moving water of one instance of the plugin in one MjData, to read and to disturb.
 
     Attributes:
         spacing: of its cells [m].
@@ -207,4 +207,4 @@ class WaterSurface:
         coupling.add_spot(spot[0], side, -impulse / (self.spacing**2 * self._water[window.DENSITY]), push)  # fmt: skip
         self._potential += push
         window.apply_operator(self._water, self._potential.copy(), self.rate)
-        self._state[window.STATE + 3 * self._cells**2 + moving.STIRRED] = 1.0
+        self._state[window.STATE + 3 * self._cells**2 + moving.DISTURBED] = 1.0

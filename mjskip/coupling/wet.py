@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 Interior = Literal["flooded", "deck", "convex"]
 INTERIORS: tuple[Interior, ...] = get_args(Interior)
 
-FEWEST_FACES = 12
+MIN_FACES = 12
 MAX_FACES = 1000
 """Faces of a hull above which it is simplified unless told otherwise."""
 
@@ -57,9 +57,9 @@ class HullOptions:
     strict: bool = False
 
     def __post_init__(self) -> None:
-        check_count("resolution", self.resolution, low=4, high=primitives.MOST_SEGMENTS)
-        if check_count("max_faces", self.max_faces, low=0, high=2**31) in range(1, FEWEST_FACES):
-            raise fault("max_faces", self.max_faces, f"give at least {FEWEST_FACES}, or 0 for all")
+        check_count("resolution", self.resolution, low=4, high=primitives.MAX_SEGMENTS)
+        if check_count("max_faces", self.max_faces, low=0, high=2**31) in range(1, MIN_FACES):
+            raise fault("max_faces", self.max_faces, f"give at least {MIN_FACES}, or 0 for all")
         check_choice("interior", self.interior, INTERIORS)
         check_switch("strict", self.strict)
 
@@ -173,14 +173,14 @@ def hull_of(model: Any, wet: WetBody, options: HullOptions, inertia: Inertia) ->
     key = _content(model, wet, options, inertia, placed)
     built = registry.find(key)
     if built is None:
-        with warnings.catch_warnings(record=True) as told:
+        with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", MjskipWarning)
             built = _build(model, wet, options, inertia, placed)
         built = BuiltHull(
             hull=built.hull,
             simplification=built.simplification,
             lost=built.lost,
-            warnings=tuple(str(w.message) for w in told if w.category is MjskipWarning),
+            warnings=tuple(str(w.message) for w in caught if w.category is MjskipWarning),
         )
         registry.keep(key, built)
     for text in built.warnings:
@@ -276,12 +276,12 @@ def _build(
     return BuiltHull(hull=hull, simplification=simplification, lost=lost)
 
 
-THROWN = HullOptions(max_faces=0)
+THROWN_OPTIONS = HullOptions(max_faces=0)
 """What is thrown keeps every face."""
 
 
 def body_stone(
-    model: Any, body: int, *, options: HullOptions = THROWN, geoms: GeomRule = None
+    model: Any, body: int, *, options: HullOptions = THROWN_OPTIONS, geoms: GeomRule = None
 ) -> Stone:
     """The stone that a body is: MuJoCo's mass and inertia, and its hull; see `attach` for geoms.
 

@@ -3,12 +3,9 @@
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from mjskip._compile.jit import kernel
-
-Array = npt.NDArray[np.float64]
-SingleArray = npt.NDArray[np.float32]
+from mjskip._typing import Array, SingleArray
 
 
 @kernel

@@ -7,7 +7,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
+
+from mjskip._typing import Image
 
 RIPPLE_SIDE = 2.56
 """Side of a tile of ripples [m]; `water.glsl` knows it too."""
@@ -48,7 +49,7 @@ class WaterAppearance:
 
 
 @functools.cache
-def ripples() -> npt.NDArray[np.uint8]:
+def ripples() -> Image:
     """A breath of wind: slopes along x and y and Laplacian, a tile (n, n, 4) that repeats; rows along y.
 
     Each is 127.5 at zero; the greatest and least are as `water.glsl` says. Bytes are drawn fastest.

@@ -6,13 +6,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from mjskip._typing import Array
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Eye:
+class PinholeCamera:
     """A pinhole camera.
 
     Attributes:
@@ -30,7 +29,7 @@ class Eye:
     aspect: float
 
     @classmethod
-    def of(cls, scene: Any, aspect: float) -> Eye:
+    def of(cls, scene: Any, aspect: float) -> PinholeCamera:
         """The camera of an `mujoco.MjvScene`, for pictures of this width over height."""
         left, right = scene.camera  # a stereo pair: the same but for their separation
         return cls(

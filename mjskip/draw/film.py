@@ -8,18 +8,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
+from mjskip._typing import Array, Image
 from mjskip.draw.overlay import caption
-from mjskip.draw.render import USUAL, Flights, Shot, frames, shot_times
-from mjskip.draw.video import Image, Progress, check_video_path, write_video
+from mjskip.draw.render import DEFAULT_SHOT, Flights, Shot, frames, shot_times
+from mjskip.draw.video import Progress, check_video_path, write_video
 from mjskip.files import check_folder, whole_file
 from mjskip.throws.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from mjskip.throws.scene import Scene
-
-Array = npt.NDArray[np.float64]
 
 _GAP = 4  # pixels between the pictures of a strip
 _ROW = 4  # most pictures side by side
@@ -30,7 +28,7 @@ def render_duel(
     sides: Mapping[str, tuple[Scene, Flights]],
     path: str | Path,
     *,
-    shot: Shot = USUAL,
+    shot: Shot = DEFAULT_SHOT,
     progress: Progress | None = None,
 ) -> Path:
     """Write a film of two throws side by side, each on its own water, from the same moment on.
@@ -81,7 +79,7 @@ def render_strip(
     path: str | Path,
     *,
     moments: int = 6,
-    shot: Shot = USUAL,
+    shot: Shot = DEFAULT_SHOT,
     progress: Progress | None = None,
 ) -> Path:
     """Write equally spaced moments of a throw as one PNG, in rows of four at most.

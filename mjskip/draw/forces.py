@@ -7,18 +7,15 @@ from typing import Any
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
-from mjskip.draw.eye import Eye
-from mjskip.draw.video import Image
+from mjskip._typing import Array, Image
+from mjskip.draw.eye import PinholeCamera
 from mjskip.hydro.hydrostatics import clipped, hydrostatics
 from mjskip.hydro.stone import Stone
 from mjskip.rigid.attitude import matrices
 from mjskip.throws.trajectory import Trajectory, pose_at
 
-Array = npt.NDArray[np.float64]
-
-LONGEST = 0.3
+ARROW_LENGTH = 0.3
 """Of an arrow, that of the greatest force of the water in a flight [m]."""
 
 WATER, AIR, BUOYANCY, WETTED = (70, 160, 255), (250, 250, 250), (255, 220, 60), (255, 120, 60)
@@ -55,7 +52,7 @@ def loads_at(flight: Trajectory, stone: Stone, time: float) -> Loads:
     level = float(corners[:, 2].min() - flight.clearance[row])
     raised = corners[stone.faces] - [0.0, 0.0, level]
     faces = clipped(raised) + np.array([0.0, 0.0, level])
-    scale = LONGEST / max(float(np.linalg.norm(flight.force, axis=1).max()), 1e-9)
+    scale = ARROW_LENGTH / max(float(np.linalg.norm(flight.force, axis=1).max()), 1e-9)
     arrows, words = [], []
     for name, force, start, colour in (
         ("water", flight.force[row], flight.wetted_centre[row], WATER),
@@ -72,7 +69,7 @@ def loads_at(flight: Trajectory, stone: Stone, time: float) -> Loads:
     return Loads(arrows=arrows, faces=faces, buoyancy=centre, text="  ·  ".join(words))
 
 
-def draw_loads(image: Image, loads: Loads, eye: Eye) -> None:
+def draw_loads(image: Image, loads: Loads, eye: PinholeCamera) -> None:
     """Draw them over a picture, in place: nothing hides them."""
     from PIL import Image as Pictures
     from PIL import ImageDraw

@@ -9,12 +9,12 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from mjskip.draw.passes import MOST_BODIES
+from mjskip._typing import Array, Flags
+from mjskip.draw.passes import MAX_BODIES
 
-Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
 
-SURELY_ABOVE = 0.3
+CLEAR_OF_WATER = 0.3
 """[m]: a camera so high is above the water, and a geom so deep is under it."""
 
 _SUN = (-0.579, -0.644, -0.5)  # the way its light goes where the model has no directional light
@@ -22,7 +22,7 @@ _DRAWN = 3  # geom groups below this are drawn unless an option says otherwise
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Standing:
+class StaticGeoms:
     """What stands still.
 
     Attributes:
@@ -38,13 +38,13 @@ class Standing:
     high: Array
 
     @classmethod
-    def of(cls, model: Any) -> Standing:
+    def of(cls, model: Any) -> StaticGeoms:
         """Of a model, in its first pose."""
         data = mujoco.MjData(model)
         mujoco.mj_kinematics(model, data)
         low, high = outlines(model, data, np.arange(model.ngeom))
         still = ~_moves(model)[model.geom_bodyid] & (model.geom_group < _DRAWN)
-        below = still & (high[:, 2] < -SURELY_ABOVE)
+        below = still & (high[:, 2] < -CLEAR_OF_WATER)
         still &= ~below
         pierce = still & (low[:, 2] < 0.05)
         return cls(
@@ -66,7 +66,7 @@ def outlines(model: Any, data: Any, geoms: Indices) -> tuple[Array, Array]:
     return middle - half, middle + half
 
 
-def _moves(model: Any) -> npt.NDArray[np.bool_]:
+def _moves(model: Any) -> Flags:
     """Which bodies can move against the world, in the order of their ids."""
     return np.asarray((model.body_weldid != 0) | (model.body_mocapid >= 0))
 
@@ -88,8 +88,8 @@ class Ellipsoids:
     @classmethod
     def of(cls, model: Any, geoms: Indices) -> Ellipsoids:
         """Of these geoms of a model."""
-        if len(geoms) > MOST_BODIES:
-            geoms = geoms[np.argsort(-model.geom_rbound[geoms], kind="stable")[:MOST_BODIES]]
+        if len(geoms) > MAX_BODIES:
+            geoms = geoms[np.argsort(-model.geom_rbound[geoms], kind="stable")[:MAX_BODIES]]
         colours = np.array([_colour(model, int(geom)) for geom in geoms]).reshape(-1, 3)
         return cls(model, geoms, colours)
 

@@ -53,7 +53,7 @@ def offscreen() -> Iterator[None]:
 
 
 @functools.cache
-def _asked() -> tuple[str, str]:
+def _probe_context() -> tuple[str, str]:
     """Name of what draws and version of its shading language, from a context made for this."""
     with offscreen():
         from mujoco.rendering.classic import gl_context
@@ -80,7 +80,7 @@ def gl_renderer() -> str:
     Raises:
         RenderError: no OpenGL context can be made here.
     """
-    return _asked()[0]
+    return _probe_context()[0]
 
 
 def shaders_work() -> bool:
@@ -89,7 +89,7 @@ def shaders_work() -> bool:
     Raises:
         RenderError: no OpenGL context can be made here.
     """
-    major, _, minor = (_asked()[1] or "0").partition(".")
+    major, _, minor = (_probe_context()[1] or "0").partition(".")
     return (int(major), int(minor[:2] or 0)) >= (3, 30)
 
 

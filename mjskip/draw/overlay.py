@@ -6,15 +6,12 @@ import functools
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from mjskip._typing import Array, Image, SingleArray
 from mjskip.draw._draw_kernels import stroke
-from mjskip.draw.eye import Eye
-from mjskip.draw.video import Image
+from mjskip.draw.eye import PinholeCamera
 from mjskip.rigid.attitude import matrices
 from mjskip.throws.trajectory import Trajectory
-
-Array = npt.NDArray[np.float64]
 
 TRAIL = 0.35
 """How long the trail stays [s]."""
@@ -49,7 +46,7 @@ class Overlay:
         self._marks = marks
         self._colour = np.array(_COLOURS[number % len(_COLOURS)], np.float64)
 
-    def draw(self, image: Image, time: float, eye: Eye) -> None:
+    def draw(self, image: Image, time: float, eye: PinholeCamera) -> None:
         """Add trail and marks as they are at a time [s]."""
         high, wide, _ = image.shape
         cover = np.zeros((high, wide), np.float32)
@@ -67,7 +64,7 @@ class Overlay:
             end = min(time, float(self._flight.time[-1]))
             times = np.linspace(max(time - TRAIL, float(self._flight.time[0])), end, _STEPS + 1)
             if times[-1] > times[0]:
-                places = [np.interp(times, self._flight.time, x) for x in self._flight.x.T]
+                places = [np.interp(times, self._flight.time, x) for x in self._flight.position.T]
                 behind = time - times[1:]
                 fresh = (
                     np.clip(1.0 - behind / TRAIL, 0.0, 1.0)
@@ -80,8 +77,8 @@ class Overlay:
 
     def _line(
         self,
-        cover: npt.NDArray[np.float32],
-        eye: Eye,
+        cover: SingleArray,
+        eye: PinholeCamera,
         points: Array,
         strength: Array,
         radius: float,
@@ -143,7 +140,7 @@ def caption(image: Image, text: str, *, corner: str = "bottom") -> None:
 
 
 @functools.lru_cache(maxsize=64)
-def _lettering(text: str, size: int) -> npt.NDArray[np.uint8]:
+def _lettering(text: str, size: int) -> Image:
     from PIL import Image as Pictures
     from PIL import ImageDraw, ImageFont
 

@@ -12,13 +12,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from mjskip._typing import Flags, Image, SingleArray
 from mjskip.draw.appearance import ripples
 from mjskip.draw.surface import ShaderSurface
 from mjskip.errors import RenderError
 
-Array = npt.NDArray[np.float32]
-
-MOST_BODIES = 32
+MAX_BODIES = 32
 """Bodies that move and are mirrored, cast shadows or are seen through water."""
 
 UNITS = {
@@ -32,7 +31,7 @@ UNITS = {
 }  # fmt: skip
 """Texture units of the samplers of `water.glsl`; the first are MuJoCo's too, and put back."""
 
-VIEW_ROWS = 16 + 4 * MOST_BODIES
+VIEW_ROWS = 16 + 4 * MAX_BODIES
 """Rows of four numbers of `water.glsl`'s View."""
 
 TILE = 32
@@ -290,7 +289,7 @@ class WaterPasses:
                 )
             kept.put(values)
 
-    def draw(self, view: Array, tiles: Mapping[str, npt.NDArray[np.bool_]]) -> None:
+    def draw(self, view: SingleArray, tiles: Mapping[str, Flags]) -> None:
         """Draw water into `result` over what `model` holds.
 
         Args:
@@ -301,7 +300,7 @@ class WaterPasses:
         for kind, drawn in tiles.items():
             self._fill(kind, self.light if kind.startswith("LIGHT") else self.result, drawn)
 
-    def draw_spray(self, view: Array, drops: Array, sheet: Array) -> None:
+    def draw_spray(self, view: SingleArray, drops: SingleArray, sheet: SingleArray) -> None:
         """Draw drops (n, 5) and triangles (m, 4) into `result`, see `mjskip.draw.spray`."""
         g = gl()
         g.glBindFramebuffer(g.GL_DRAW_FRAMEBUFFER, self.result.buffer)
@@ -341,11 +340,11 @@ class WaterPasses:
             g.glDrawArrays(shape, 0, len(values))
         g.glBindBuffer(g.GL_ARRAY_BUFFER, 0)
 
-    def read(self, out: npt.NDArray[np.uint8]) -> None:
+    def read(self, out: Image) -> None:
         """Take the picture (height, width, 3), rows from the top."""
         self._read(self.result, gl().GL_RGB, gl().GL_UNSIGNED_BYTE, out)
 
-    def distances(self, view: Array) -> Array:
+    def distances(self, view: SingleArray) -> SingleArray:
         """How far ahead the water is (height, width) [m], rows from the top; -1 where it is hidden."""
         if self._far is None:
             self._far = Target(self._size, {"far": "R32F"})
@@ -356,8 +355,8 @@ class WaterPasses:
         return found
 
     def converted(
-        self, kind: str, depths: Texture, side: int, view: Array | None = None
-    ) -> tuple[Texture, Array]:
+        self, kind: str, depths: Texture, side: int, view: SingleArray | None = None
+    ) -> tuple[Texture, SingleArray]:
         """A depth buffer through a program of that kind: as a texture (side, side), and its numbers."""
         found = np.empty((side, side), np.float32)
         with own_state():
@@ -402,7 +401,7 @@ class WaterPasses:
             gl().glUniform3i(place, *self._size, self._columns)
         return self._programs[kind]
 
-    def _set_view(self, view: Array) -> None:
+    def _set_view(self, view: SingleArray) -> None:
         g = gl()
         g.glBindBuffer(g.GL_UNIFORM_BUFFER, self._view)
         g.glBufferSubData(g.GL_UNIFORM_BUFFER, 0, view.nbytes, view)
@@ -412,7 +411,7 @@ class WaterPasses:
         self,
         kind: str,
         target: Target,
-        tiles: npt.NDArray[np.bool_] | None = None,
+        tiles: Flags | None = None,
         textures: Mapping[str, Texture] | None = None,
     ) -> None:
         """Draw tiles of a target by one program; all of them if None."""

@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from mjskip._typing import Array
+from mjskip._typing import Array, Flags
 from mjskip.errors import MjskipError
 from mjskip.files import whole_file
 from mjskip.rigid.attitude import angles, matrices
@@ -24,7 +23,7 @@ _WET = "#9fd3e6"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Budget:
+class EnergyBudget:
     """Where the energy of a throw is, (n,) each [J]; their sum stays what it was at first.
 
     Attributes:
@@ -47,7 +46,7 @@ class Budget:
         return self.motion + self.turning + self.potential + self.water + self.air
 
 
-def energy_budget(run: Trajectory) -> Budget:
+def energy_budget(run: Trajectory) -> EnergyBudget:
     """Where the energy of a throw is, from its recorded forces by the trapezium rule."""
     by_water = np.sum(run.force * run.velocity + run.torque * run.omega, axis=1)
     by_air = np.sum(run.air_force * run.velocity, axis=1)
@@ -57,7 +56,7 @@ def energy_budget(run: Trajectory) -> Budget:
         work = np.cumsum(0.5 * (power[1:] + power[:-1]) * step)
         return -np.concatenate([[0.0], work])
 
-    return Budget(
+    return EnergyBudget(
         motion=0.5 * np.sum(run.P * run.velocity, axis=1),
         turning=0.5 * np.sum(run.L * run.omega, axis=1),
         potential=run.potential_energy,
@@ -128,8 +127,8 @@ def plot_runs(runs: Mapping[str, Trajectory], path: str | Path) -> Path:
 
 
 def _draw_run(panels: Any, run: Trajectory, name: str, colour: str, *, alone: bool) -> None:
-    start = run.x[0]
-    along, across, height = (run.x - start * [1.0, 1.0, 0.0]).T
+    start = run.position[0]
+    along, across, height = (run.position - start * [1.0, 1.0, 0.0]).T
     wet = run.clearance < 0.0
     panels["side"].plot(along, 100.0 * height, color=colour, label=name)
     panels["top"].plot(along, 100.0 * across, color=colour)
@@ -157,7 +156,7 @@ def _without_jumps(angle: Array) -> Array:
     return np.where(leaps, np.nan, angle)
 
 
-def _spans(wet: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
+def _spans(wet: Flags) -> list[tuple[int, int]]:
     """First and last row of every stretch that is wet."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], wet.astype(np.int8), [0]])))
     return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 from scipy.ndimage import gaussian_filter1d
 
+from mjskip._typing import Array, Image
 from mjskip.draw.forces import draw_loads, loads_at
 from mjskip.draw.gl import gl_renderer as gl_renderer
 from mjskip.draw.gl import is_software as is_software
@@ -24,7 +24,6 @@ from mjskip.draw.stage import Look as Look
 from mjskip.draw.stage import Stage, largest_radius
 from mjskip.draw.stage import check_camera as check_camera
 from mjskip.draw.video import (
-    Image,
     Progress,
     check_fps,
     check_size,
@@ -41,7 +40,6 @@ if TYPE_CHECKING:
     from mjskip.hydro.stone import Stone
     from mjskip.throws.scene import Scene
 
-Array = npt.NDArray[np.float64]
 Flights = Trajectory | Mapping[str, Trajectory]
 """The motion of the scene's chosen stone, or of several by the names of their bodies."""
 
@@ -50,7 +48,7 @@ _SLACK = 0.10  # [s] over which a camera that follows starts and stops
 _TICK = 5e-3  # [s] between the points of its path
 
 
-MOST_PIXELS = 1e11
+MAX_PIXELS = 1e11
 """Of a film: three hours of it at 30 frames a second of 640x480."""
 
 
@@ -106,14 +104,14 @@ class Shot:
         """
         width, height = self.size
         pixels = count * width * height
-        if pixels > MOST_PIXELS:
+        if pixels > MAX_PIXELS:
             raise ValueError(
-                f"the film has {count} frames of {width}x{height}, {pixels:.3g} pixels: at most {MOST_PIXELS:g} are "
+                f"the film has {count} frames of {width}x{height}, {pixels:.3g} pixels: at most {MAX_PIXELS:g} are "
                 "allowed; give a smaller size, fps, linger or slow"
             )
 
 
-USUAL = Shot()
+DEFAULT_SHOT = Shot()
 """How a throw is filmed if nothing else is said."""
 
 
@@ -181,7 +179,7 @@ def render_frames(
     trajectory: Flights,
     folder: str | Path,
     *,
-    shot: Shot = USUAL,
+    shot: Shot = DEFAULT_SHOT,
     progress: Progress | None = None,
 ) -> list[Path]:
     """Write a throw as frame_0000.png and so on into a folder that exists; see `render_video`."""
@@ -196,7 +194,7 @@ def render_frames(
 def frames(
     scene: Scene,
     trajectory: Flights,
-    shot: Shot = USUAL,
+    shot: Shot = DEFAULT_SHOT,
     *,
     times: Array | None = None,
     follow: Trajectory | None = None,
@@ -294,7 +292,7 @@ def followed(flight: Trajectory, times: Array) -> Array:
         stop = min(stop, flight.contacts[-1].entry.time)
     margin = 4.0 * _SLACK
     ticks = np.arange(start - margin, stop + margin + _TICK, _TICK)
-    path = [np.interp(np.clip(ticks, start, stop), flight.time, x) for x in flight.x.T]
+    path = [np.interp(np.clip(ticks, start, stop), flight.time, x) for x in flight.position.T]
     smooth = [gaussian_filter1d(x, _SLACK / _TICK, mode="nearest") for x in path]
     return np.column_stack([np.interp(times, ticks, x) for x in smooth])
 

@@ -10,16 +10,22 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
+from mjskip._typing import Array, Flags, SingleArray
 from mjskip.draw import tiles
 from mjskip.draw.appearance import WaterAppearance
-from mjskip.draw.geoms import SURELY_ABOVE, Ellipsoids, Standing, moving_geoms, outlines, sun_of
+from mjskip.draw.geoms import (
+    CLEAR_OF_WATER,
+    Ellipsoids,
+    StaticGeoms,
+    moving_geoms,
+    outlines,
+    sun_of,
+)
 from mjskip.draw.gl import offscreen, shaders_work
 from mjskip.draw.passes import VIEW_ROWS, WaterPasses, gl, own_state, shrink_of
 from mjskip.draw.surface import BLOCK, BORDER, Patch, ShaderSurface, patch_of
 from mjskip.draw.surroundings import Surroundings
 from mjskip.errors import RenderError
-
-Array = npt.NDArray[np.float64]
 
 WATER_ID = -2
 """Both numbers of a pixel of water in a segmentation: background has -1, and everything else its id."""
@@ -91,7 +97,7 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         self.linear = linear
         self._spacing, self._centre = spacing, centre
         self.water = water
-        self.spray: tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]] | None = None
+        self.spray: tuple[SingleArray, SingleArray] | None = None
         self._surroundings: Surroundings | None = None
         self._time = 0.0
         self._data: Any = None
@@ -105,7 +111,7 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         with self._current(), own_state():
             self._passes = WaterPasses((width, height))
         self._sun = sun_of(model)
-        self._standing, self._moving = Standing.of(model), moving_geoms(model)
+        self._standing, self._moving = StaticGeoms.of(model), moving_geoms(model)
         self._ellipsoids = Ellipsoids.of(model, self._moving)
         self._bodies = np.zeros((0, 16))
         self._outlines = np.zeros((0, 3)), np.zeros((0, 3))
@@ -136,7 +142,7 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
             np.concatenate([self._standing.low, low]), np.concatenate([self._standing.high, high])
         )  # fmt: skip
         if self._surroundings is None and self._passes is not None:
-            self._look_around(data, self._passes)
+            self._draw_static(data, self._passes)
 
     def render(self, *, out: npt.NDArray[Any] | None = None) -> npt.NDArray[Any]:
         """The picture, depth or segmentation, as `mujoco.Renderer.render`.
@@ -201,7 +207,7 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         A bottom without end stays, without its texture: what is nowhere else would be filled with sky.
         """
         hidden = []
-        above = self._scene.camera[0].pos[2] > SURELY_ABOVE
+        above = self._scene.camera[0].pos[2] > CLEAR_OF_WATER
         wide = 0.7 * self._scene.camera[0].frustum_far
         sunk = self._standing.sunk
         for geom in self._scene.geoms[: self._scene.ngeom]:
@@ -226,7 +232,7 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         if self._mjr_context.offSamples or self._surroundings is None:
             passes.model.copy_from(self._mjr_context.offFBO)
 
-    def _tiles(self, view: npt.NDArray[np.float32], patch: Patch) -> dict[str, tiles.Flags]:
+    def _tiles(self, view: SingleArray, patch: Patch) -> dict[str, Flags]:
         """Which program draws which tile."""
         size, depth, sunk = (self._width, self._height), self._depth, bool(view[0, 3] < 0.0)
         if sunk:
@@ -250,7 +256,7 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
             data=self._data,
         )  # fmt: skip
 
-    def _look_around(self, data: mujoco.MjData, passes: WaterPasses) -> None:
+    def _draw_static(self, data: mujoco.MjData, passes: WaterPasses) -> None:
         """Draw the bottom and the scenery once."""
         patch = self._patch((0.0, 0.0))
         size = patch.spacing * max(patch.elevation.shape)
@@ -266,7 +272,7 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
             if self._mjr_context.offSamples == 0:
                 passes.adopt(self._mjr_context.offFBO)
 
-    def _see(self, passes: WaterPasses) -> tuple[npt.NDArray[np.float32], Patch]:
+    def _see(self, passes: WaterPasses) -> tuple[SingleArray, Patch]:
         """Hand the surface over, and fill in `water.glsl`'s View."""
         view = np.zeros((VIEW_ROWS, 4), np.float32)
         position, ahead = self._camera_rows(view)
@@ -295,7 +301,7 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         view[16 : 16 + 4 * len(self._bodies)] = self._bodies.reshape(-1, 4)
         return view, patch
 
-    def _camera_rows(self, view: npt.NDArray[np.float32]) -> tuple[Array, Array]:
+    def _camera_rows(self, view: SingleArray) -> tuple[Array, Array]:
         """Fill in the camera; its position and direction."""
         left, other = self._scene.camera  # a stereo pair, drawn from its middle
         position = 0.5 * (np.array(left.pos, np.float64) + other.pos)

@@ -7,9 +7,8 @@ from typing import Any, Protocol
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
-from mjskip._typing import Array
+from mjskip._typing import Array, SingleArray
 from mjskip.draw._draw_kernels import box_means, fill_skin
 
 VERTICES = 125 * 125
@@ -24,7 +23,7 @@ class Surface(Protocol):
     """What is drawn of a water surface: `mjskip.HeightField` is one."""
 
     @property
-    def elevation(self) -> npt.NDArray[np.float32]: ...  # (nx, ny) [m]
+    def elevation(self) -> SingleArray: ...  # (nx, ny) [m]
     @property
     def spacing(self) -> float: ...  # [m]
     @property

@@ -3,7 +3,7 @@
 Packets of water leave the wet edge as long as a touch is recorded, ahead and to both sides, flatly as a sheet
 that tears into drops. Each takes a share of what the stone gives to the water in that time: its momentum
 
-    sum of m |u|  <=  SHARE |integral of F dt|,      sum of m u^2 / 2  <=  SHARE integral of -F . v dt
+    sum of m |u|  <=  SPRAY_FRACTION |integral of F dt|,      sum of m u^2 / 2  <=  SPRAY_FRACTION integral of -F . v dt
 
 from the beginning of the touch to any moment of it, so that the spray never holds more momentum or energy than the
 water was given. From there on packets fall freely, without drag, until they are back in the water.
@@ -17,11 +17,10 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from mjskip._typing import Array, SingleArray
 from mjskip.throws.trajectory import Trajectory
 
-Array = npt.NDArray[np.float64]
-
-SHARE = 0.25
+SPRAY_FRACTION = 0.25
 """Of momentum and energy of a touch, at most, that is in its spray."""
 
 _SECTORS = 24  # packets around the wet edge at a time
@@ -88,8 +87,8 @@ class Spray:
                 np.cos(rise)[:, None] * out + np.outer(np.sin(rise), [0, 0, 1])
             )
             # as much water as both budgets still allow
-            left_momentum = max(SHARE * momentum[row] - used_momentum, 0.0)
-            left_energy = max(SHARE * energy[row] - used_energy, 0.0)
+            left_momentum = max(SPRAY_FRACTION * momentum[row] - used_momentum, 0.0)
+            left_energy = max(SPRAY_FRACTION * energy[row] - used_energy, 0.0)
             mass = min(left_momentum / fast.sum(), left_energy / (0.5 * np.sum(fast**2)))
             if mass <= 0.0:
                 continue
@@ -101,7 +100,7 @@ class Spray:
             pulses.append((born, origin, velocity, np.full(_SECTORS, mass)))
         return pulses
 
-    def drops(self, time: float) -> npt.NDArray[np.float32]:
+    def drops(self, time: float) -> SingleArray:
         """Drops and bubbles in sight at a time [s]: (n, 5) place and radius [m], opacity 0 to 1."""
         age = time - self.birth
         air = np.flatnonzero((age > 0.0) & (age < 2.0))
@@ -120,7 +119,7 @@ class Spray:
         bubbles = np.column_stack([up, np.full(len(up), 2.5e-3), np.full(len(up), 0.5)])[there]
         return np.concatenate([rows, bubbles]).astype(np.float32)
 
-    def sheet(self, time: float) -> npt.NDArray[np.float32]:
+    def sheet(self, time: float) -> SingleArray:
         """The sheet before it tears, at a time [s]: triangles as (n, 4), place [m] and opacity."""
         age = time - self.birth
         flying = (age > 0.0) & (age < _SHEET)
@@ -153,7 +152,7 @@ def touches(flight: Trajectory) -> list[tuple[int, int]]:
 
 def _bubbles(flight: Trajectory, random: np.random.Generator) -> Array:
     """Where a stone is wholly under water: (n, 4) time [s] and place [m] at which bubbles leave it."""
-    under = np.flatnonzero(flight.x[:, 2] < -0.02)
+    under = np.flatnonzero(flight.position[:, 2] < -0.02)
     rows = under[np.linspace(0, len(under) - 1, _BUBBLES).astype(np.intp)] if len(under) else under
-    place = flight.x[rows] + random.normal(0.0, 0.015, (len(rows), 3))
+    place = flight.position[rows] + random.normal(0.0, 0.015, (len(rows), 3))
     return np.column_stack([flight.time[rows] + random.uniform(0.0, 0.3, len(rows)), place])

@@ -8,22 +8,20 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
-from mjskip.draw.eye import Eye
+from mjskip._typing import Array, Image
+from mjskip.draw.eye import PinholeCamera
 from mjskip.draw.gl import offscreen, shaders_work
 from mjskip.draw.renderer import Renderer
 from mjskip.draw.skin import Grid, WaterSkin, add_water
 from mjskip.draw.spray import Spray
 from mjskip.draw.surface import patch_of
-from mjskip.draw.video import Image
 from mjskip.errors import MjskipWarning, RenderError, SceneError
 from mjskip.throws.trajectory import Trajectory, pose_at
 
 if TYPE_CHECKING:
     from mjskip.throws.scene import Scene
 
-Array = npt.NDArray[np.float64]
 Look = Literal["shaded", "plain"]
 LOOKS: tuple[Look, ...] = get_args(Look)
 
@@ -86,7 +84,7 @@ class Stage:
             if spray and not self._plain
             else []
         )
-        self.eye = Eye(
+        self.eye = PinholeCamera(
             position=np.zeros(3), forward=np.array([1.0, 0.0, 0.0]),
             up=np.array([0.0, 0.0, 1.0]), half_height=1.0, aspect=wide / high,
         )  # fmt: skip
@@ -137,7 +135,7 @@ class Stage:
             )
         self._renderer.update_scene(self.data, self._camera)
         self._wet_stones(time)
-        self.eye = Eye.of(self._renderer.scene, self._size[0] / self._size[1])
+        self.eye = PinholeCamera.of(self._renderer.scene, self._size[0] / self._size[1])
         if self._skin is not None:
             x, y, _ = pose_at(self._flights[self._focus], time)[0].tolist()
             self._skin.draw(self._renderer.scene, patch_of(surface, focus=(x, y)), focus=(x, y))

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
-from mjskip._typing import Array
+from mjskip._typing import Array, SingleArray
 from mjskip.draw._draw_kernels import fill_surface
 
 BLOCK = 16
@@ -21,9 +21,7 @@ WINDOW = 512
 """Cells a side of what is drawn of water without end."""
 
 SEA, SEA_STEP = 160, 0.1
-"""Cells a side, and their size [m], of what is drawn of a sea that a coupling tells the height of."""
-
-SingleArray = npt.NDArray[np.float32]
+"""Cells a side, and their size [m], of what is drawn of a sea that a coupling gives the height of."""
 
 
 @runtime_checkable
@@ -110,7 +108,7 @@ def patch_of(
 
 
 def _patch_of_sea(height: Callable[[Array], Array], focus: tuple[float, float]) -> Patch:
-    """A sea that tells its height at points (n, 2) [m]: the square about a point that is looked at."""
+    """A sea that gives its height at points (n, 2) [m]: the square about a point that is looked at."""
     middle = tuple(SEA_STEP * round(at / SEA_STEP) for at in focus)  # whole steps: nothing shimmers
     axis = SEA_STEP * (np.arange(SEA) - 0.5 * (SEA - 1))
     x, y = np.meshgrid(middle[0] + axis, middle[1] + axis, indexing="ij")

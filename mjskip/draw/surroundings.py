@@ -7,11 +7,8 @@ from typing import Any
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
 from mjskip.draw.passes import VIEW_ROWS, Target, Texture, WaterPasses, gl
-
-Array = npt.NDArray[np.float32]
 
 _ABOVE = (
     0.25  # [m]: the bottom is drawn from here down, so that banks are on the map and trees are not

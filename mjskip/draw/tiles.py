@@ -5,13 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from mjskip._typing import Array, Flags, SingleArray
 from mjskip.draw.passes import TILE
 from mjskip.draw.surface import BLOCK
-
-Array = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 
 STILL = 5e-5
 """[m]: what is lower is drawn as still water."""
@@ -21,7 +18,7 @@ _BORDER = 2.0  # pixels: tiles know their neighbours' edges
 _HORIZON = 1e4  # [m]
 
 
-def footprints(view: npt.NDArray[np.float32], size: tuple[int, int]) -> tuple[Flags, Flags, Array]:
+def footprints(view: SingleArray, size: tuple[int, int]) -> tuple[Flags, Flags, Array]:
     """Where tiles are on the water.
 
     Args:
@@ -64,9 +61,7 @@ def overlap(boxes: Array, others: Array) -> Flags:
     return np.asarray(touch.any(axis=-1))
 
 
-def rough(
-    boxes: Array, tall: npt.NDArray[np.float32], corner: Array, spacing: float, depth: float
-) -> Flags:
+def rough(boxes: Array, tall: SingleArray, corner: Array, spacing: float, depth: float) -> Flags:
     """Which boxes have waves in them, or near enough to cast light on what is seen through them.
 
     Args:

@@ -9,13 +9,10 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
+from mjskip._typing import Image
 from mjskip.errors import RenderError
 from mjskip.files import check_folder, whole_file
 
-Image = npt.NDArray[np.uint8]
 """One picture (height, width, 3), rows from the top."""
 
 Progress = Callable[[int, int], None]
@@ -155,7 +152,7 @@ def _encoder(
     except (BrokenPipeError, RuntimeError) as error:
         if not isinstance(error, BrokenPipeError) and process.poll() is None:
             raise  # not the encoder's: it still runs
-        said = f"{error}\n{_last_words(process)}".strip().splitlines()
+        said = f"{error}\n{_last_line(process)}".strip().splitlines()
         reason = re.sub(r"^(\[[^]]*\] *)+", "", said[-1])  # which part of ffmpeg says it
         raise RenderError(
             f"{target} cannot be written, the video encoder failed: {reason}"
@@ -164,7 +161,7 @@ def _encoder(
         _end(process)
 
 
-def _last_words(process: Any) -> str:
+def _last_line(process: Any) -> str:
     """What a process that ended has left to say; nothing if it was read before."""
     with contextlib.suppress(OSError, ValueError):
         return str(process.stderr.read().decode(errors="replace"))

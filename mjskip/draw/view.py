@@ -15,7 +15,6 @@ from typing import Any
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
 from mjskip.coupling.bodies import find_body
 from mjskip.draw.skin import Grid, WaterSkin, add_water
@@ -29,10 +28,8 @@ from mjskip.throws.simulate import SURFACES, Surface, warm_up
 FPS = 60.0
 """Frames per second at most."""
 
-MOST_AT_ONCE = 0.1
+MAX_FRAME_STEP = 0.1
 """Time between two frames at most [s]: on a machine that is too slow the throw is shown late instead."""
-
-Array = npt.NDArray[np.float64]
 
 WINDOW = (8.0, 6.0)
 """Size of the water about the stone whose waves are drawn [m]."""
@@ -129,9 +126,9 @@ def _watch(
             frame_began = time.perf_counter()
             owed += (frame_began - clock) / slow
             clock = frame_began
-            if owed > MOST_AT_ONCE:
-                late += owed - MOST_AT_ONCE
-                owed = MOST_AT_ONCE
+            if owed > MAX_FRAME_STEP:
+                late += owed - MAX_FRAME_STEP
+                owed = MAX_FRAME_STEP
             steps = int(owed / timestep)
             owed -= steps * timestep
             with viewer.lock():

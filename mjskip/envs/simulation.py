@@ -7,10 +7,10 @@ from typing import Any, Protocol
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
-Rows = npt.NDArray[np.int64]
-Flags = npt.NDArray[np.bool_]
+from mjskip._typing import Flags, Integers
+
+Rows = Integers
 Sensors = tuple[int, int] | None
 """Two places in the sensor data."""
 
@@ -50,7 +50,7 @@ class Simulation(Protocol):
         """Model and data of one row, for drawing."""
 
 
-class Single:
+class SingleSimulation:
     """One simulation."""
 
     count = 1
@@ -102,8 +102,8 @@ class Single:
         return self._model, self._data
 
 
-class Many:
-    """A `mujoco.batch.Batch`: each row is bit for bit what `Single` makes of it."""
+class BatchSimulation:
+    """A `mujoco.batch.Batch`: each row is bit for bit what `SingleSimulation` makes of it."""
 
     def __init__(self, model: mujoco.MjModel, count: int, threads: int) -> None:
         from mujoco.batch import Batch

@@ -12,10 +12,10 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
-from mjskip._typing import Array
+from mjskip._typing import Array, Flags
 from mjskip.checks import check_count
 from mjskip.coupling.plugin import register_plugin
-from mjskip.envs.simulation import Flags, Rows, Sensors, Simulation
+from mjskip.envs.simulation import Rows, Sensors, Simulation
 from mjskip.envs.variation import Choice, apply
 
 

@@ -11,10 +11,10 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from mjskip._typing import Array
+from mjskip._typing import Array, Flags
 from mjskip.coupling.plugin import NAME, plugin_water
 from mjskip.coupling.wet import body_stone
-from mjskip.envs.simulation import Flags, Rows, Sensors, Simulation
+from mjskip.envs.simulation import Rows, Sensors, Simulation
 from mjskip.envs.task import Task
 from mjskip.envs.touches import LIMITS, ThrownStones, add_contact_sensor, stone_sensors
 from mjskip.envs.variation import Options
@@ -108,7 +108,7 @@ class ThrowStoneTask(Task):
             turn = _rotation(state.q).T @ state.omega
             simulation.qvel[row] = [*state.velocity, *turn]
             self._speed[row] = throw.speed
-            self._thrown.let_go(int(row), simulation.qpos)
+            self._thrown.release(int(row), simulation.qpos)
 
     def judge(
         self, simulation: Simulation, rows: Rows, seen: Flags | None, reward: Array, over: Flags

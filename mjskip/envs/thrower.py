@@ -9,9 +9,9 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from mjskip._typing import Array
+from mjskip._typing import Array, Flags
 from mjskip.envs import _task_kernels as kernels
-from mjskip.envs.simulation import Flags, Rows, Sensors, Simulation
+from mjskip.envs.simulation import Rows, Sensors, Simulation
 from mjskip.envs.task import Task
 from mjskip.envs.touches import LIMITS, ThrownStones, add_contact_sensor, stone_sensors
 from mjskip.envs.variation import Options
@@ -87,7 +87,7 @@ class ThrowerTask(Task):
                 self._held[row], self._released[row] = 0.0, self._time[row]
                 velocity = simulation.qvel[row, STONE_QPOS : STONE_QPOS + 3]
                 self._speed[row] = np.linalg.norm(velocity)
-                self._thrown.let_go(int(row), simulation.qpos)
+                self._thrown.release(int(row), simulation.qpos)
 
     def judge(
         self, simulation: Simulation, rows: Rows, seen: Flags | None, reward: Array, over: Flags

@@ -7,9 +7,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from mjskip._typing import Array
+from mjskip._typing import Array, Flags
 from mjskip.envs import _task_kernels as kernels
-from mjskip.envs.simulation import Flags, Rows, Sensors
+from mjskip.envs.simulation import Rows, Sensors
 from mjskip.throws.recording import Limits
 
 LIMITS = Limits()
@@ -57,7 +57,7 @@ class ThrownStones:
             array[row] = 0
         self.free[row], self._grounded[row], self._radius[row] = False, False, radius
 
-    def let_go(self, row: int, qpos: Any) -> None:
+    def release(self, row: int, qpos: Any) -> None:
         """The stone is free, from where it is now."""
         self.free[row] = True
         self._start[row] = qpos[row, self._address : self._address + 2]

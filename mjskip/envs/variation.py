@@ -81,8 +81,8 @@ def apply(choice: Choice, spec: mujoco.MjSpec) -> None:
     """Write a choice into a spec whose water is the plugin and whose stone is the mesh "pebble"."""
     for plugin in spec.plugins:
         if plugin.plugin_name == NAME:
-            told = {key: _text(value) for key, value in choice.water}
-            plugin.config = {**plugin.config, **told}
+            config = {key: _text(value) for key, value in choice.water}
+            plugin.config = {**plugin.config, **config}
     stone = dict(choice.stone)
     if stone.keys() & PEBBLE.keys():
         wide, high = (stone.get(key, size) / size for key, size in PEBBLE.items())

@@ -8,17 +8,15 @@ from typing import Any
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
+from mjskip._typing import Image
 from mjskip.checks import check_count, fault
 from mjskip.draw.renderer import Renderer
-
-Image = npt.NDArray[np.uint8]
 
 WATER = (0.10, 0.36, 0.50, 0.55)
 """Colour of the surface."""
 
-BESIDE = (2.6, 75.0, -14.0)
+SIDE_VIEW = (2.6, 75.0, -14.0)
 """Distance [m], azimuth and elevation [degrees] of a camera that looks at a body."""
 
 REACH = 60.0
@@ -115,7 +113,7 @@ def camera_of(model: mujoco.MjModel, name: str | int) -> mujoco.MjvCamera:
         )
     camera.type = mujoco.mjtCamera.mjCAMERA_TRACKING
     camera.trackbodyid = body
-    camera.distance, camera.azimuth, camera.elevation = BESIDE
+    camera.distance, camera.azimuth, camera.elevation = SIDE_VIEW
     return camera
 
 

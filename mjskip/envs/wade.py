@@ -10,9 +10,9 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from mjskip._typing import Array
+from mjskip._typing import Array, Flags
 from mjskip.envs import _task_kernels as kernels
-from mjskip.envs.simulation import Flags, Rows, Simulation
+from mjskip.envs.simulation import Rows, Simulation
 from mjskip.envs.task import Task
 from mjskip.envs.variation import Options
 from mjskip.envs.water_env import WaterEnv, WaterVectorEnv

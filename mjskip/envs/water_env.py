@@ -8,18 +8,17 @@ from typing import Any
 import gymnasium
 import mujoco
 import numpy as np
-import numpy.typing as npt
 from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from mjskip._typing import Array
+from mjskip._typing import Array, Flags, Image, SingleArray
 from mjskip.checks import check_choice, check_count, fault
 from mjskip.envs import _task_kernels as kernels
-from mjskip.envs.simulation import Flags, Many, Rows, Simulation, Single
+from mjskip.envs.simulation import BatchSimulation, Rows, Simulation, SingleSimulation
 from mjskip.envs.task import Task
 from mjskip.envs.variation import Options, Variation, check_options
-from mjskip.envs.view import Image, View
+from mjskip.envs.view import View
 from mjskip.hydro.water import Water
 
 RENDER_MODES = ("human", "rgb_array")
@@ -41,7 +40,9 @@ class Episodes:
         self._default = Variation(water, stone, has_stone=task.has_stone)
         self.variation = self._default
         self.simulation: Simulation = (
-            Single(task.model) if threads is None else Many(task.model, count, threads)
+            SingleSimulation(task.model)
+            if threads is None
+            else BatchSimulation(task.model, count, threads)
         )
         task.allocate(count)
         self.info = task.info()
@@ -120,7 +121,7 @@ def _nothing() -> None:
     """Called after a block that nobody watches."""
 
 
-class WaterEnv(gymnasium.Env[Array, npt.NDArray[np.float32]]):
+class WaterEnv(gymnasium.Env[Array, SingleArray]):
     """One simulation of a task."""
 
     metadata = {"render_modes": list(RENDER_MODES), "render_fps": 50}  # noqa: RUF012  gymnasium's
@@ -190,9 +191,7 @@ class WaterEnv(gymnasium.Env[Array, npt.NDArray[np.float32]]):
         self._after_block()
         return self._episodes.observations()[0], self._info()
 
-    def step(
-        self, action: npt.NDArray[np.float32]
-    ) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+    def step(self, action: SingleArray) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """One action: observation, reward, terminated, False, info."""
         if not self._begun:
             raise gymnasium.error.ResetNeeded("call reset() before step()")

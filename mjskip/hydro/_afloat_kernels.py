@@ -50,11 +50,11 @@ STATE = 5
 
 WET_SHARE = 0.3
 """Of its draft: a hull that is less deep radiates, scatters and drags water in proportion."""
-MOST_NODES = 12
+MAX_NODES = 12
 LEVELS = 4
-COSINES = np.zeros((MOST_NODES + 1, MOST_NODES, MOST_NODES))
+COSINES = np.zeros((MAX_NODES + 1, MAX_NODES, MAX_NODES))
 """cos(k pi (a + 1/2) / n) at [n, k, a]: Chebyshev's polynomials at his nodes."""
-for _n in range(1, MOST_NODES + 1):
+for _n in range(1, MAX_NODES + 1):
     _k = np.arange(_n)
     COSINES[_n, :_n, :_n] = np.cos(np.pi * np.outer(_k, _k + 0.5) / _n)
 TURN = 2.0 * math.pi
@@ -349,13 +349,13 @@ def _add_sea(
     middle_x, middle_y = 0.5 * (east + west), 0.5 * (north + south)
     low = min(low, -1e-9)
     decays = scratch[: LEVELS * count]
-    grid = scratch[LEVELS * count : LEVELS * (count + MOST_NODES * MOST_NODES)]
-    rest = scratch[LEVELS * (count + MOST_NODES * MOST_NODES) :]
+    grid = scratch[LEVELS * count : LEVELS * (count + MAX_NODES * MAX_NODES)]
+    rest = scratch[LEVELS * (count + MAX_NODES * MAX_NODES) :]
     kx, ky, head = rest[:count], rest[count : 2 * count], rest[2 * count : 3 * count]
     cosine, sine = rest[3 * count : 4 * count], rest[4 * count : 5 * count]
     u, v = rest[5 * count : 6 * count], rest[6 * count : 7 * count]
-    ys = rest[7 * count : (7 + 2 * MOST_NODES) * count]
-    line = rest[(7 + 2 * MOST_NODES) * count :]
+    ys = rest[7 * count : (7 + 2 * MAX_NODES) * count]
+    line = rest[(7 + 2 * MAX_NODES) * count :]
     # the waves along and across the body, their decay with depth
     c, s = math.cos(yaw), math.sin(yaw)
     for i in range(count):
@@ -387,7 +387,7 @@ def _add_sea(
     _transform(grid, 1, nx, ny * LEVELS, line)
     _transform(grid, nx, ny, LEVELS, line)
     _transform(grid, nx * ny, LEVELS, 1, line)
-    wx, wy, wz = line[:MOST_NODES], line[MOST_NODES : 2 * MOST_NODES], line[2 * MOST_NODES :]
+    wx, wy, wz = line[:MAX_NODES], line[MAX_NODES : 2 * MAX_NODES], line[2 * MAX_NODES :]
     for n in range(vertices):
         if heights[n] > dry:
             continue
@@ -482,7 +482,7 @@ def scratch_size(surface: Any, body: Any) -> int:
     return (
         6 * waves + int(body[HARMONICS]) + 2 * int(body[ROWS]) + 32
         + 4 * int(body[VERTICES])
-        + (LEVELS + 9 + 2 * MOST_NODES) * count + LEVELS * MOST_NODES * MOST_NODES + 4 * MOST_NODES
+        + (LEVELS + 9 + 2 * MAX_NODES) * count + LEVELS * MAX_NODES * MAX_NODES + 4 * MAX_NODES
     )  # fmt: skip
 
 

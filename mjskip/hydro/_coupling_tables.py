@@ -6,10 +6,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
-Complex = npt.NDArray[np.complex128]
+from mjskip._typing import Array, Complex
 
 
 class PlaneWaves(NamedTuple):

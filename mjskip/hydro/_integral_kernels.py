@@ -40,7 +40,7 @@ from mjskip.hydro._block import (
 from mjskip.hydro._patch_kernels import surface_at
 
 POINT = 3
-MOST_POINTS = 8  # of a triangle or trapezoid that is cut twice
+MAX_POINTS = 8  # of a triangle or trapezoid that is cut twice
 
 # integrals over a face
 LOAD, LOAD_X, LOAD_Y = 0, 1, 2
@@ -83,7 +83,7 @@ def add_polygon(
         weight: factor on the integrals.
         found: INTEGRALS that are added to.
     """
-    cut = as_doubles(stack_doubles(POINT * MOST_POINTS))
+    cut = as_doubles(stack_doubles(POINT * MAX_POINTS))
     advances = True
     for i in range(count):
         advances = advances and points[POINT * i + 2] > 0.0
@@ -261,8 +261,8 @@ def add_integrals(block: Any, state: Any, motion: Any, patch: Any, sums: Any) ->
     speed = math.sqrt(vx * vx + vy * vy + vz * vz)
     waves = patch.size > 0
     highest = patch[PATCH_HIGHEST] if waves else 0.0
-    points = as_doubles(stack_doubles(POINT * MOST_POINTS))
-    wet = as_doubles(stack_doubles(POINT * MOST_POINTS))
+    points = as_doubles(stack_doubles(POINT * MAX_POINTS))
+    wet = as_doubles(stack_doubles(POINT * MAX_POINTS))
     found = as_doubles(stack_doubles(INTEGRALS))
     for i in range(int(block[N_FACES])):
         if i % GROUP == 0:

@@ -30,7 +30,7 @@ from mjskip.hydro._block import (
     INVERSE_INERTIA,
     INVERSE_MASS,
     LOCAL_GATE,
-    MOST_EDGES,
+    MAX_EDGES,
     MOTION,
     N_PLANES,
     OMEGA,
@@ -50,7 +50,7 @@ from mjskip.hydro._integral_kernels import (
     LOADED,
     LOADED_X,
     LOADED_Y,
-    MOST_POINTS,
+    MAX_POINTS,
     POINT,
     add_face_loads,
     add_polygon,
@@ -76,7 +76,7 @@ def add_strips(block: Any, state: Any, motion: Any, patch: Any, sums: Any) -> No
     wx, wy, wz = motion[OMEGA], motion[OMEGA + 1], motion[OMEGA + 2]
     ux, uy, uz = motion[UP], motion[UP + 1], motion[UP + 2]
     speed = math.sqrt(vx * vx + vy * vy + vz * vz)
-    most = int(block[MOST_EDGES])
+    most = int(block[MAX_EDGES])
     segments = as_doubles(stack_doubles(SEGMENT * 2 * most))
     crossings = as_doubles(stack_doubles(3 * most))
     active = as_words(stack_doubles(2 * most))
@@ -339,7 +339,7 @@ def _add_slabs(
     A line rises across the motion and stops wherever a segment begins or ends; those that it meets, in the
     order of x, bound the strips of this slab in pairs.
     """
-    points = as_doubles(stack_doubles(POINT * MOST_POINTS))
+    points = as_doubles(stack_doubles(POINT * MAX_POINTS))
     _sort(segments, count)
     met = following = 0
     y = segments[0]

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import scipy.special
 from scipy.spatial.transform import Rotation
 
+from mjskip._typing import Array, Integers
 from mjskip.hydro import _afloat_kernels as kernels
 from mjskip.hydro.panels import WettedHull, refined, wetted_hull
 from mjskip.hydro.radiation import (
@@ -22,9 +22,6 @@ from mjskip.hydro.radiation import (
 )
 from mjskip.hydro.seas import Sea
 from mjskip.hydro.surface_modes import SurfaceModes
-
-Array = npt.NDArray[np.float64]
-Words = npt.NDArray[np.int64]
 
 SEA_ERROR = 0.01
 """Error allowed to the sea's pressure around a body, of its root mean square."""
@@ -69,7 +66,7 @@ class Afloat:
     """A block of doubles and the whole numbers beside it."""
 
     block: Array
-    words: Words
+    words: Integers
 
 
 def pack_surface(modes: SurfaceModes, sea: Sea, *, bodies: int, timestep: float) -> Afloat:
@@ -155,14 +152,14 @@ def _typical_wavenumber(sea: Sea) -> float:
 
 def _nodes(sea: Sea, half: float) -> int:
     """Nodes of polynomials that follow the sea over 2 x `half` [m] within SEA_ERROR, by Bessel's bound."""
-    for count in range(4, kernels.MOST_NODES):
+    for count in range(4, kernels.MAX_NODES):
         missed = sea.amplitude * 2.0 * np.abs(scipy.special.jv(count, sea.wavenumber * half))
         if np.sum(missed**2) <= SEA_ERROR**2 * np.sum(sea.amplitude**2):
             return count
-    return kernels.MOST_NODES
+    return kernels.MAX_NODES
 
 
-def _mesh(triangles: Array, shortest: float) -> tuple[Array, npt.NDArray[np.int64]]:
+def _mesh(triangles: Array, shortest: float) -> tuple[Array, Integers]:
     """Vertices and faces of a surface, fine enough for a pressure that is linear on each triangle."""
     edges = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     area = 0.5 * float(np.linalg.norm(edges, axis=1).sum())
@@ -209,7 +206,7 @@ def prepare(
     away = np.linalg.norm(places - places.mean(axis=0), axis=1)
     reach = max(hull.radius + a for hull, a in zip(hulls, away, strict=True))
     if len(hulls) > 1:
-        reach *= DRIFT_ROOM
+        reach *= DRIFT_ALLOWANCE
     modes = modes or body_modes(
         tuple(hulls), reach=reach, depth=sea.depth, gravity=sea.gravity, most=most_waves
     )
@@ -224,5 +221,5 @@ def prepare(
     return modes, surface, bodies, tables
 
 
-DRIFT_ROOM = 1.25
+DRIFT_ALLOWANCE = 1.25
 """Several bodies may drift this much farther from their middle than they are at first."""

@@ -180,7 +180,7 @@ class SinksError(MjskipError):
     """A body is heavier than the water it displaces when it is sunk."""
 
 
-MOST_ROUNDS = 500
+MAX_ROUNDS = 500
 STEEPEST = 0.2
 """Greatest turn in one round of the search [rad]."""
 NUDGE = 1e-3
@@ -221,9 +221,9 @@ def float_at_rest(
         )
     turn = np.eye(3) if rotation is None else np.array(rotation, np.float64)
     size = float(np.ptp(body.reshape(-1, 3), axis=0).max())
-    height, state = _let_down(body @ turn.T, volume, None)
+    height, state = _floating_height(body @ turn.T, volume, None)
     nudged = 0
-    for _ in range(MOST_ROUNDS):
+    for _ in range(MAX_ROUNDS):
         energy, moment, stiffness = _balance(state, height)
         values, axes = np.linalg.eigh(stiffness)
         still = np.linalg.norm(moment) < 1e-13 * volume * size
@@ -237,7 +237,7 @@ def float_at_rest(
             step *= min(1.0, STEEPEST / float(np.linalg.norm(step)))
         for _ in range(60):
             tried = _turned(step) @ turn
-            up, after = _let_down(body @ tried.T, volume, height)
+            up, after = _floating_height(body @ tried.T, volume, height)
             if still or _balance(after, up)[0] <= energy + 1e-15 * volume * size:
                 break
             step = 0.5 * step
@@ -248,7 +248,7 @@ def float_at_rest(
             break
     else:
         raise MjskipError(
-            f"no equilibrium found in {MOST_ROUNDS} rounds: begin from another attitude, rotation="
+            f"no equilibrium found in {MAX_ROUNDS} rounds: begin from another attitude, rotation="
         )
     return _flotation(body @ turn.T, turn, height)
 
@@ -275,7 +275,7 @@ def _flotation(turned: Array, turn: Array, height: float) -> Flotation:
     )
 
 
-def _let_down(turned: Array, volume: float, near: float | None) -> tuple[float, _Integrals]:
+def _floating_height(turned: Array, volume: float, near: float | None) -> tuple[float, _Integrals]:
     """Height of the centre of mass at which a turned body displaces a volume: Newton between bounds."""
     low, high = -float(turned[..., 2].max()), -float(turned[..., 2].min())
     height = 0.5 * (low + high) if near is None or not low < near < high else near

@@ -87,7 +87,7 @@ def block_of(header: Array, triangles: Array) -> Array:
         first = layout.HEADER + columns.size + layout.SPHERE * len(spheres)
         places = first + np.cumsum([0, *sizes])
         header[layout.N_PLANES], header[layout.PLANES] = len(planes), first
-        header[layout.MOST_EDGES] = (max(sizes) - layout.OUTLINE) // layout.EDGE
+        header[layout.MAX_EDGES] = (max(sizes) - layout.OUTLINE) // layout.EDGE
         columns[:n, layout.PLANE] = places[plane_of]
     return np.concatenate([header, columns.T.ravel(), *spheres, *planes])
 
@@ -116,7 +116,7 @@ def _by_place(centroids: Array) -> npt.NDArray[np.intp]:
 
 
 def _sphere(points: Array) -> Array:
-    """Centre and radius (4,) of a sphere about points (n, 3), with a hair for rounding."""
+    """Centre and radius (4,) of a sphere about points (n, 3), with a margin for rounding."""
     centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
     radius = np.linalg.norm(points - centre, axis=1).max()
     return np.array([*centre, (1.0 + 1e-9) * radius])

@@ -7,16 +7,14 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from mjskip._typing import Array
 from mjskip.errors import MeshError
 from mjskip.hydro._panel_kernels import influence
 
-Array = npt.NDArray[np.float64]
-
 PANELS = 160
 """Panels that a hull is refined to, at least."""
-MOST_PANELS = 1200
+MAX_PANELS = 1200
 """A finer hull is first made coarser."""
 IMAGES = 4
 """Images in the bottom on each side; their sum alternates and falls with the third power."""
@@ -155,7 +153,7 @@ class WettedHull:
 
 
 def wetted_hull(
-    triangles: Array, *, height: float, panels: int = PANELS, most: int = MOST_PANELS
+    triangles: Array, *, height: float, panels: int = PANELS, most: int = MAX_PANELS
 ) -> WettedHull:
     """Cut a closed surface at z = 0 and refine what is below to panels of similar size.
 

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from mjskip._typing import Array
+from mjskip._typing import Array, Integers
 
 RESOLUTION = 12
 """Segments around a circle unless told otherwise; multiples of 4 keep every mirror plane."""
 
-MOST_SEGMENTS = 1000
+MAX_SEGMENTS = 1000
 """Around a circle: a sphere of so many has half a million faces."""
 
 
@@ -42,7 +42,7 @@ def ellipsoid(size: npt.ArrayLike, resolution: int = RESOLUTION) -> Any:
     return _mesh(vertices * grow * np.asarray(size), faces)
 
 
-def _octasphere(n: int) -> tuple[Array, npt.NDArray[np.int64]]:
+def _octasphere(n: int) -> tuple[Array, Integers]:
     """Unit sphere: every face of an octahedron divided into n^2, even in angle along the edges."""
     points: list[Array] = []
     faces: list[list[int]] = []

@@ -17,12 +17,10 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from mjskip._typing import Array, Complex, Integers
 from mjskip.hydro._coupling_tables import PlaneWaves, plane_waves
 from mjskip.hydro.panels import Influence, WettedHull, hull_influence, hull_width, lid_rate
 from mjskip.hydro.surface_modes import SurfaceModes, ring_directions, surface_modes
-
-Array = npt.NDArray[np.float64]
-Complex = npt.NDArray[np.complex128]
 
 PATTERNS, LID_PATTERNS = 2e-2, 5e-2
 """Patterns of flow, and of motion under the lid, weaker than this share of the strongest are left out."""
@@ -83,7 +81,7 @@ class RadiationTable:
 
     hull: WettedHull
     modes: SurfaceModes
-    orders: npt.NDArray[np.int64]
+    orders: Integers
     rows: Array
     columns: Array
     lid_force: Array
@@ -93,12 +91,12 @@ class RadiationTable:
     influence: Influence
 
     @cached_property
-    def starts(self) -> npt.NDArray[np.int64]:
+    def starts(self) -> Integers:
         """Where every ring's harmonics start, and their number at the end (rings + 1,)."""
         return np.concatenate([[0], np.cumsum(2 * (2 * self.orders + 1))])
 
     @cached_property
-    def turns(self) -> tuple[npt.NDArray[np.int64], Array]:
+    def turns(self) -> tuple[Integers, Array]:
         """Starts (rings,) and cosines and sines of all directions, see `gather`."""
         blocks = []
         for count, order in zip(self.modes.angles, self.orders, strict=True):
@@ -153,13 +151,13 @@ def radiation_table(
     rows, columns = [], []
     moved = inverse @ influence.motions
     for j, (wave, inside) in enumerate(zip(waves, insides, strict=True)):
-        felt = density * (influence.loads @ wave.value - reflected @ wave.slope)
+        received = density * (influence.loads @ wave.value - reflected @ wave.slope)
         flow = project @ (inverse @ wave.slope)
         lid = np.linalg.pinv(lids) @ inside if len(lid_points) else np.zeros((0, inside.shape[1]))
         rows.append(
             np.vstack(
                 [
-                    _real_rows(-gravity * weight[j] * felt, int(orders[j]), imaginary=False),
+                    _real_rows(-gravity * weight[j] * received, int(orders[j]), imaginary=False),
                     _real_rows(to_phi[j] * flow, int(orders[j]), imaginary=True),
                     _real_rows(to_phi[j] * lid, int(orders[j]), imaginary=True),
                 ]
@@ -177,10 +175,10 @@ def radiation_table(
         )
     force = np.zeros((6, lids.shape[1]))
     for j, (wave, inside) in enumerate(zip(waves, insides, strict=True)):
-        felt = density * (influence.loads @ wave.value - reflected @ wave.slope)
+        received = density * (influence.loads @ wave.value - reflected @ wave.slope)
         pressed = -rate * (lid_areas[:, None] / inside).T @ lids
         share = weight[j] * modes.angles[j] / inside.shape[1]
-        force += (share * felt @ pressed).real
+        force += (share * received @ pressed).real
     return RadiationTable(
         hull=hull,
         modes=modes,

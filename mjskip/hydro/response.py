@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray
 
-from mjskip._typing import Progress
+from mjskip._typing import Array, Complex, Progress
 from mjskip.checks import check_memory
 from mjskip.hydro._coupling_tables import plane_waves
 from mjskip.hydro.panels import Influence, WettedHull, hull_influence, hull_width, lid_rate
@@ -31,9 +31,6 @@ from mjskip.hydro.surface_modes import (
     surface_modes,
     wavenumber,
 )
-
-Array = npt.NDArray[np.float64]
-Complex = npt.NDArray[np.complex128]
 
 DOFS = ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")
 BLOCK_BYTES = 1.5e8
@@ -193,20 +190,20 @@ class _SurfaceTerms:
     """What sources and lid do through the surface, ring by ring.
 
     Attributes:
-        felt: of every wave at the panels' flow (n), the lid (m) and the panels' potential (n): (2 n + m, waves).
-        given: to every wave by sources and lid (waves, n + m).
+        received: of every wave at the panels' flow (n), the lid (m) and the panels' potential (n): (2 n + m, waves).
+        emitted: to every wave by sources and lid (waves, n + m).
         modes: the waves.
         lid_columns: number m of columns that belong to the lid.
     """
 
-    felt: Complex
-    given: Complex
+    received: Complex
+    emitted: Complex
     modes: SurfaceModes
     lid_columns: int
 
     @classmethod
     def of(cls, influence: Influence, modes: SurfaceModes, lid: _Lid) -> _SurfaceTerms:
-        felt, given = [], []
+        received, emitted = [], []
         for k, weight, count in zip(modes.wavenumbers, modes.weights, modes.angles, strict=True):
             angles = ring_directions(int(count))
             wave = plane_waves(
@@ -218,23 +215,30 @@ class _SurfaceTerms:
                 depth=modes.depth,
             )
             inside = np.exp(1j * k * (lid.points @ np.stack([np.cos(angles), np.sin(angles)])))
-            given.append(np.hstack([-modes.gravity * wave.source, (lid.areas[:, None] / inside).T]))
-            felt.append(weight * np.vstack([wave.slope, -lid.rates[:, None] * inside, wave.value]))
+            emitted.append(
+                np.hstack([-modes.gravity * wave.source, (lid.areas[:, None] / inside).T])
+            )
+            received.append(
+                weight * np.vstack([wave.slope, -lid.rates[:, None] * inside, wave.value])
+            )
         return cls(
-            felt=np.hstack(felt), given=np.vstack(given), modes=modes, lid_columns=len(lid.areas)
+            received=np.hstack(received),
+            emitted=np.vstack(emitted),
+            modes=modes,
+            lid_columns=len(lid.areas),
         )
 
     def at(self, omega: Array) -> Complex:
-        """felt . f(omega) . given for angular frequencies (w,): (w, 2 n + m, n + m)."""
-        rows, columns = len(self.felt), self.given.shape[1]
+        """received . f(omega) . emitted for angular frequencies (w,): (w, 2 n + m, n + m)."""
+        rows, columns = len(self.received), self.emitted.shape[1]
         share = 1.0 / (self.modes.frequencies**2 - omega[:, None] ** 2)
         out = np.empty((len(omega), rows, columns), complex)
         first = self.modes.first
         step = max(1, int(BLOCK_BYTES / (16.0 * len(self.modes.angles) * columns)))
         for top in range(0, rows, step):
-            block = self.felt[top : top + step]
+            block = self.received[top : top + step]
             rings = np.stack(
-                [block[:, a:b] @ self.given[a:b] for a, b in itertools.pairwise(first)]
+                [block[:, a:b] @ self.emitted[a:b] for a, b in itertools.pairwise(first)]
             )
             out[:, top : top + step] = np.tensordot(share, rings, 1)
         out[..., columns - self.lid_columns :] *= 1j * omega[:, None, None]

@@ -18,9 +18,8 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from mjskip._typing import Array, Complex
 from mjskip.hydro.surface_modes import wavenumber
-
-Array = npt.NDArray[np.float64]
 
 Spectrum = Literal["jonswap", "pierson-moskowitz"]
 GAMMA = 3.3
@@ -259,7 +258,7 @@ class Sea:
             )
         return cls(current=current, depth=depth, gravity=gravity)
 
-    def _swings(self, points: Array, time: float) -> npt.NDArray[np.complex128]:
+    def _swings(self, points: Array, time: float) -> Complex:
         """a exp(i theta) at the horizontal places of points (m, 2 or 3): (m, n)."""
         place = points[:, :2] - self.current * time
         toward = np.stack([np.cos(self.direction), np.sin(self.direction)])

@@ -345,7 +345,7 @@ AGGRESSIVE = (7.0, 3.0)
 TOLERANCES = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2)
 """Of manifold3d's collapse of edges, in extents."""
 
-WORST_VOLUME, WORST_AREA = 0.1, 0.1
+MAX_VOLUME_ERROR, MAX_AREA_ERROR = 0.1, 0.1
 """Relative errors beyond which a simpler surface is not taken: of volume, and of area once that is put right."""
 
 
@@ -407,9 +407,9 @@ def _keeps_shape(small: Any, mesh: Any) -> bool:
     if len(small.faces) < 4 or not is_closed(small):
         return False
     part = float(small.volume / mesh.volume)
-    if abs(part - 1.0) > WORST_VOLUME:
+    if abs(part - 1.0) > MAX_VOLUME_ERROR:
         return False
-    return bool(abs(small.area / mesh.area / part ** (2.0 / 3.0) - 1.0) <= WORST_AREA)
+    return bool(abs(small.area / mesh.area / part ** (2.0 / 3.0) - 1.0) <= MAX_AREA_ERROR)
 
 
 def capped(mesh: Any) -> Any:

@@ -14,7 +14,7 @@ from mjskip._typing import Array
 from mjskip.checks import check_count, check_positive
 from mjskip.errors import MeshError
 from mjskip.hydro.hull import Hull, disc_of
-from mjskip.hydro.primitives import MOST_SEGMENTS
+from mjskip.hydro.primitives import MAX_SEGMENTS
 
 GRANITE = 2600.0
 """Density of the stones made here unless another is given [kg/m^3]."""
@@ -77,7 +77,7 @@ class Stone(Hull):
         mass: float | None = None,
     ) -> Stone:
         """Two spherical caps rim to rim: `rings` steps from apex to rim, `segments` around [m]."""
-        rings = check_count("rings", rings, high=MOST_SEGMENTS)
+        rings = check_count("rings", rings, high=MAX_SEGMENTS)
         check_positive(radius=radius, thickness=thickness)
         half = 0.5 * thickness
         sphere = (radius**2 + half**2) / (2.0 * half)
@@ -104,7 +104,7 @@ class Stone(Hull):
     ) -> Stone:
         """Body of revolution from (radius, height) fractions, top apex to bottom apex."""
         check_positive(radius=radius, thickness=thickness)
-        segments = check_count("segments", segments, low=3, high=MOST_SEGMENTS)
+        segments = check_count("segments", segments, low=3, high=MAX_SEGMENTS)
         turn = 2.0 * np.pi * np.arange(segments) / segments
         rim = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(segments)])
         rings = [rim * (r * radius) + [0.0, 0.0, z * thickness] for r, z in profile[1:-1]]

@@ -20,8 +20,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
-Complex = npt.NDArray[np.complex128]
+from mjskip._typing import Array, Complex, Integers
 
 SLOPE = 0.7
 """Descent of the contour at k = 0, in the plane of the square root of k."""
@@ -46,7 +45,7 @@ class SurfaceModes:
 
     wavenumbers: Complex
     weights: Complex
-    angles: npt.NDArray[np.int64]
+    angles: Integers
     depth: float
     gravity: float
     reach: float
@@ -58,12 +57,12 @@ class SurfaceModes:
         return int(self.angles.sum())
 
     @cached_property
-    def first(self) -> npt.NDArray[np.int64]:
+    def first(self) -> Integers:
         """Index of the first wave of every ring, and the number of waves at the end (rings + 1,)."""
         return np.concatenate([[0], np.cumsum(self.angles)])
 
     @cached_property
-    def ring(self) -> npt.NDArray[np.int64]:
+    def ring(self) -> Integers:
         """Ring of every wave (size,)."""
         return np.repeat(np.arange(len(self.angles)), self.angles)
 

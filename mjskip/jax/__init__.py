@@ -12,7 +12,7 @@ from mjskip.jax.forces import Load as Load
 from mjskip.jax.forces import rotation as rotation
 from mjskip.jax.forces import wrench as wrench
 from mjskip.jax.motion import State as State
-from mjskip.jax.motion import fly as fly
+from mjskip.jax.motion import free_flight as free_flight
 from mjskip.jax.motion import step as step
 
-__all__ = ["Load", "State", "fly", "rotation", "step", "wrench"]
+__all__ = ["Load", "State", "free_flight", "rotation", "step", "wrench"]

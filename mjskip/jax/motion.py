@@ -77,7 +77,7 @@ def step(
     return after._replace(q=after.q / jnp.linalg.norm(after.q))
 
 
-def fly(
+def free_flight(
     state: State,
     load: Callable[[State], Load],
     *,

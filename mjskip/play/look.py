@@ -8,18 +8,16 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from mjskip._typing import Array, SingleArray
 from mjskip.draw.forces import loads_at
 from mjskip.hydro.stone import Stone
 from mjskip.play.player import Frame
-from mjskip.play.surface import EVEN, STEP, DrawnWater
+from mjskip.play.surface import EVEN_VERTICES, STEP, DrawnWater
 from mjskip.play.thrown import ThrowResult
 from mjskip.throws.scene import Scene
 from mjskip.throws.throw import Throw
 from mjskip.throws.trajectory import Trajectory, pose_at
-
-Array = npt.NDArray[np.float64]
 
 FOLLOW, WHOLE = "follow the stone", "the whole throw"
 VIEWS = (FOLLOW, WHOLE)
@@ -44,7 +42,7 @@ TRAIL_PIECES = 160
 
 PLOT_POINTS = 300
 
-RAISED = 2.5
+WAVE_EXAGGERATION = 2.5
 """Times that waves are drawn as high as they are, so that rings are seen; the page says so."""
 
 MARK, FORCES = (255, 214, 140), {"water": (70, 160, 255), "air": (250, 250, 250)}
@@ -126,12 +124,14 @@ def aim(client: Any, view: str, thrown: ThrowResult | None) -> None:
 def grid(view: str, thrown: ThrowResult) -> DrawnWater:
     """Vertices to draw the water with: spread along the whole throw if that is the view."""
     return (
-        DrawnWater() if view == FOLLOW else DrawnWater(max(STEP, 1.2 * _length(thrown) / EVEN[0]))
+        DrawnWater()
+        if view == FOLLOW
+        else DrawnWater(max(STEP, 1.2 * _length(thrown) / EVEN_VERTICES[0]))
     )
 
 
 def _length(thrown: ThrowResult) -> float:
-    return float(np.ptp(thrown.chosen.x[:, 0]))
+    return float(np.ptp(thrown.chosen.position[:, 0]))
 
 
 def place_throw(nodes: dict[str, Any], thrown: ThrowResult) -> None:
@@ -145,7 +145,7 @@ def place_throw(nodes: dict[str, Any], thrown: ThrowResult) -> None:
             node.vertices = stone.vertices.astype(np.float32)
             node.faces = stone.faces.astype(np.uint32)
         nodes[f"trail {name}"].visible = False
-    x, y, _ = thrown.chosen.x[0].tolist()
+    x, y, _ = thrown.chosen.position[0].tolist()
     draw_scale(nodes, (x, y), _length(thrown))
 
 
@@ -201,10 +201,10 @@ def draw(
         0
     ].tolist()  # held when the run is over: rings are there
     if view != FOLLOW:
-        x, y, _ = (0.5 * (thrown.chosen.x[0] + thrown.chosen.x[-1])).tolist()
+        x, y, _ = (0.5 * (thrown.chosen.position[0] + thrown.chosen.position[-1])).tolist()
     place = water.place(x, y)
     surface = water.vertices(frame.water, middle=place)
-    surface[:, 2] *= RAISED
+    surface[:, 2] *= WAVE_EXAGGERATION
     nodes["water"].vertices = surface
     nodes["water"].position = (*place, 0.0)
     nodes["lake"].position = (-x, -y, 0.0)
@@ -225,7 +225,7 @@ def draw(
             node.points = found[0]
 
 
-def arrow(start: Array, tip: Array) -> npt.NDArray[np.float32]:
+def arrow(start: Array, tip: Array) -> SingleArray:
     """A line with a head as pieces (3, 2, 3) [m]."""
     along = tip - start
     across = np.cross(along, [0.0, 1.0, 0.0])
@@ -234,10 +234,10 @@ def arrow(start: Array, tip: Array) -> npt.NDArray[np.float32]:
     return np.array([[start, tip], [tip, neck + across], [tip, neck - across]], np.float32)
 
 
-def path(flight: Trajectory, *, until: float) -> npt.NDArray[np.float32]:
+def path(flight: Trajectory, *, until: float) -> SingleArray:
     """The way so far as pieces (TRAIL_PIECES, 2, 3) [m]."""
     rows = np.linspace(0, max(int(np.searchsorted(flight.time, until)), 1), TRAIL_PIECES + 1)
-    points = flight.x[np.minimum(rows.astype(np.intp), len(flight.time) - 1)]
+    points = flight.position[np.minimum(rows.astype(np.intp), len(flight.time) - 1)]
     return np.stack([points[:-1], points[1:]], axis=1).astype(np.float32)
 
 
@@ -306,11 +306,13 @@ def html_table(rows: Sequence[Sequence[str]]) -> str:
     )
 
 
-def side_view(flight: Trajectory) -> tuple[npt.NDArray[np.float64], ...]:
+def side_view(flight: Trajectory) -> tuple[Array, ...]:
     """Distance [m], height [cm] and speed [m/s] for the plot, evenly spaced in time."""
     rows = np.linspace(0, len(flight.time) - 1, min(PLOT_POINTS, len(flight.time))).astype(np.intp)
-    away = np.maximum.accumulate(flight.x[rows, 0] - flight.x[0, 0])  # uPlot wants it ascending
-    return away, 100.0 * flight.x[rows, 2], np.linalg.norm(flight.velocity[rows], axis=1)
+    away = np.maximum.accumulate(
+        flight.position[rows, 0] - flight.position[0, 0]
+    )  # uPlot wants it ascending
+    return away, 100.0 * flight.position[rows, 2], np.linalg.norm(flight.velocity[rows], axis=1)
 
 
 def add_plot(gui: Any) -> Any:

@@ -15,7 +15,7 @@ from mjskip.throws.trajectory import Trajectory, pose_at
 from mjskip.waves.field import HeightField
 from mjskip.waves.recording import SurfaceFrames
 
-AFTER = 4.0
+RINGS_AFTER = 4.0
 """How long rings are shown after the stone's run is over [s]."""
 
 FPS = 30.0
@@ -46,7 +46,7 @@ class Frame:
     last: bool
 
 
-class Pace:
+class PlaybackClock:
     """From a clock to the time of a run; slow motion may change underway without a jump."""
 
     def __init__(self, clock: Callable[[], float], *, slow: float = 1.0) -> None:
@@ -72,7 +72,7 @@ class Replay:
         self._water = thrown.chosen.surface or recorded_rings(
             thrown.scene, flights, surface_frames()
         )
-        self.end = max(float(flight.time[-1]) for flight in flights) + AFTER
+        self.end = max(float(flight.time[-1]) for flight in flights) + RINGS_AFTER
 
     def at(self, time: float) -> Frame:
         """The frame at a time [s]."""
@@ -105,7 +105,7 @@ def pose_after(flight: Trajectory, time: float) -> tuple[Array, Array]:
 
 def surface_frames() -> SurfaceFrames:
     """The moments of the water that a show needs."""
-    return SurfaceFrames(rate=FPS, linger=AFTER)
+    return SurfaceFrames(rate=FPS, linger=RINGS_AFTER)
 
 
 class Player:
@@ -187,7 +187,7 @@ class Player:
 
     def _show(self, thrown: ThrowResult) -> None:
         replay = Replay(thrown)
-        pace = Pace(self._clock, slow=self._slow)
+        pace = PlaybackClock(self._clock, slow=self._slow)
         while True:
             begun = self._clock()
             frame = replay.at(pace.time)

@@ -10,13 +10,13 @@ from typing import Any
 import rich
 
 from mjskip.errors import MjskipError
-from mjskip.play.door import Door, guarded, is_everywhere
+from mjskip.play.access import AccessControl, guarded, is_everywhere
 from mjskip.play.player import Replay
 from mjskip.play.settings import Settings
 from mjskip.play.thrown import Thrower
 from mjskip.throws.scene import Scene
 
-MOST_TABS = 8
+MAX_TABS = 8
 """Tabs at a time: each streams some 10 MB/s while its stone flies."""
 
 
@@ -41,11 +41,11 @@ class Playground:
             MjskipError: viser is missing, or nobody can listen there.
             SceneError: the scene's stone is thrown by an arm.
         """
-        thrower, door = Thrower(scene), Door(host)
+        thrower, access = Thrower(scene), AccessControl(host)
         try:
             _warm_up(thrower)
             check_free(host, port)
-            self._server = _viser_server(host, port, door)
+            self._server = _viser_server(host, port, access)
         except BaseException:
             thrower.close()
             raise
@@ -58,10 +58,10 @@ class Playground:
         self.tabs: dict[int, Any] = {}
         self.port = int(self._server.get_port())
         shown = f"[{host}]" if ":" in host else host
-        token = f"/?token={door.token}" if door.token else ""
+        token = f"/?token={access.token}" if access.token else ""
         self.url = f"http://{'localhost' if is_everywhere(host) else shown}:{self.port}{token}"
-        self._server.on_client_connect(self._welcome)
-        self._server.on_client_disconnect(self._farewell)
+        self._server.on_client_connect(self._on_connect)
+        self._server.on_client_disconnect(self._on_disconnect)
         if port not in (0, self.port):  # taken between the look and the listening
             self.close()
             raise MjskipError(taken(host, port))
@@ -78,24 +78,24 @@ class Playground:
         self._server.stop()
         self._thrower.close()
 
-    def _welcome(self, client: Any) -> None:
+    def _on_connect(self, client: Any) -> None:
         with self._lock:
             if self._closed:
                 return
-            if len(self.tabs) >= MOST_TABS:
+            if len(self.tabs) >= MAX_TABS:
                 client.add_notification(
                     "Too many tabs",
-                    f"This playground serves {MOST_TABS} tabs at a time: close one and reload.",
+                    f"This playground serves {MAX_TABS} tabs at a time: close one and reload.",
                     color="red",
                 )
                 return
             tab = self.tabs[client.client_id] = self._make_tab(client, self._thrower)
         if client.client_id not in self._server.get_clients():  # gone while it was made
-            self._farewell(client)
+            self._on_disconnect(client)
             return
         tab.open_link()
 
-    def _farewell(self, client: Any) -> None:
+    def _on_disconnect(self, client: Any) -> None:
         with self._lock:
             tab = self.tabs.pop(client.client_id, None)
         if tab is not None:
@@ -142,7 +142,7 @@ def taken(host: str, port: int) -> str:
     )
 
 
-def _viser_server(host: str, port: int, door: Door) -> Any:
+def _viser_server(host: str, port: int, access: AccessControl) -> Any:
     try:
         import viser
     except ImportError as error:
@@ -157,7 +157,7 @@ def _viser_server(host: str, port: int, door: Door) -> Any:
             """Any page may ask for a tunnel through a foreign server: never."""
 
     rich.get_console().quiet = True  # viser's banner and its farewell
-    with guarded(door):
+    with guarded(access):
         server = Server(host=host, port=port, label="mjskip", verbose=False)
     server.gui.configure_theme(
         show_logo=False, show_share_button=False, brand_color=(11, 114, 133), control_width="medium"

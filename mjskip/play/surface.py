@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from mjskip._typing import Array
+from mjskip._typing import Array, SingleArray
 from mjskip.draw._draw_kernels import box_means
 from mjskip.waves.field import HeightField
 
 SHAPE = (300, 100)
 """Vertices along the throw and across it."""
 
-EVEN = (260, 80)
+EVEN_VERTICES = (260, 80)
 """Of these, evenly spaced in the middle; the others leap to the horizon."""
 
 STEP = 0.04
@@ -28,7 +28,7 @@ def axis(count: int, even: int, step: float) -> Array:
     middle = step * (np.arange(even) - 0.5 * (even - 1))
     powers = np.arange(1, each + 1)
     low, high = 1.0, 10.0
-    for _ in range(60):  # bisection: 60 halvings leave no bit of a double in doubt
+    for _ in range(60):  # bisection: 60 halvings leave no bit of a double open
         factor = 0.5 * (low + high)
         reach = middle[-1] + step * float(np.sum(factor**powers))
         low, high = (factor, high) if reach < HORIZON else (low, factor)
@@ -42,8 +42,8 @@ class DrawnWater:
     def __init__(self, step: float = STEP) -> None:
         """A grid, even in the middle with this step [m]."""
         self.step = step
-        self._axes = tuple(axis(n, e, step) for n, e in zip(SHAPE, EVEN, strict=True))
-        self._reach = tuple(0.5 * step * (e + 4) for e in EVEN)
+        self._axes = tuple(axis(n, e, step) for n, e in zip(SHAPE, EVEN_VERTICES, strict=True))
+        self._reach = tuple(0.5 * step * (e + 4) for e in EVEN_VERTICES)
         # a vertex stands for what is nearer to it than to its neighbours
         self._boxes = []
         for at in self._axes:
@@ -58,9 +58,7 @@ class DrawnWater:
         """Where the middle of the grid stands for a point of interest (x, y) [m]."""
         return self.step * round(x / self.step), self.step * round(y / self.step)
 
-    def vertices(
-        self, field: HeightField | None, *, middle: tuple[float, float]
-    ) -> npt.NDArray[np.float32]:
+    def vertices(self, field: HeightField | None, *, middle: tuple[float, float]) -> SingleArray:
         """Vertices (30000, 3) [m] relative to the middle of the grid; still water without a field."""
         found = np.zeros((SHAPE[0] * SHAPE[1], 3), np.float32)
         found[:, 0] = np.repeat(self._axes[0], SHAPE[1])

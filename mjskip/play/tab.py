@@ -68,7 +68,7 @@ class Tab:
 
     def open_link(self) -> None:
         """Take the settings from the page's address, and throw if it has any."""
-        address = urlsplit(_ask_address(self.client))
+        address = urlsplit(_request_address(self.client))
         self._origin = f"{address.scheme}://{address.netloc}"
         names = "&".join(
             part for part in address.query.split("&") if part.split("=")[0] not in look.VISER
@@ -78,7 +78,7 @@ class Tab:
         try:
             settings = self._start.read_link(names)
         except ValueError as error:
-            self._complain(str(error))
+            self._show_refusal(str(error))
             return
         self._show_settings(settings)
         self._throw(settings)
@@ -88,7 +88,7 @@ class Tab:
         try:
             settings = self._read_controls()
         except ValueError as error:
-            self._complain(str(error))
+            self._show_refusal(str(error))
             return
         self._throw(settings)
 
@@ -117,7 +117,7 @@ class Tab:
             thrown = self._thrower.throw(settings, record=surface_frames())
         except (MjskipError, ValueError) as error:
             self._status("")
-            self._complain(" ".join(str(error).split()))
+            self._show_refusal(" ".join(str(error).split()))
             return
         finally:
             self._busy.release()
@@ -130,7 +130,7 @@ class Tab:
             self._touches = 0
         if self._choice("view", look.VIEWS) != look.FOLLOW:
             look.aim(self.client, self._choice("view", look.VIEWS), thrown)
-        self._status(thrown.doubts[0] if thrown.doubts else "")
+        self._status(thrown.warnings[0] if thrown.warnings else "")
         self._player.play(thrown)
 
     # What is shown ------------------------------------------------------------------------------
@@ -155,7 +155,7 @@ class Tab:
     def _report(self, thrown: ThrowResult) -> None:
         flight = thrown.chosen
         skips = f"{thrown.skips} skip{'' if thrown.skips == 1 else 's'}"
-        away = float(np.linalg.norm(flight.x[-1, :2] - flight.x[0, :2]))
+        away = float(np.linalg.norm(flight.position[-1, :2] - flight.position[0, :2]))
         self._controls["count"].content = look.headline(
             skips, f"{ENDS[flight.end]}, after {away:.1f} m and {flight.time[-1]:.2f} s"
         )
@@ -176,7 +176,7 @@ class Tab:
     def _clock(self, text: str) -> None:
         self._controls["clock"].content = look.small(text)
 
-    def _complain(self, text: str) -> None:
+    def _show_refusal(self, text: str) -> None:
         self.client.add_notification(
             "No throw", text, color="red", with_close_button=True, auto_close_seconds=20.0
         )
@@ -184,7 +184,7 @@ class Tab:
 
     def _drawing_failed(self, error: Exception) -> None:
         if not self._closed:
-            self._complain(" ".join(str(error).split()) or type(error).__name__)
+            self._show_refusal(" ".join(str(error).split()) or type(error).__name__)
 
     # Controls -----------------------------------------------------------------------------------
 
@@ -207,7 +207,7 @@ class Tab:
             "forces", False, hint="Arrows of the water (blue) and the air (white) on the stone."
         )
         controls["waves"] = gui.add_html(
-            look.small(f"Waves are drawn {look.RAISED:g} times as high as they are.")
+            look.small(f"Waves are drawn {look.WAVE_EXAGGERATION:g} times as high as they are.")
         )
         controls["clock"] = gui.add_html("")
         with gui.add_folder("Throw it", order=None):
@@ -302,7 +302,7 @@ def _run_script(client: Any, source: str) -> None:
     client.gui._websock_interface.queue_message(RunJavascriptMessage(source=source))
 
 
-def _ask_address(client: Any) -> str:
+def _request_address(client: Any) -> str:
     """The address that the page was opened with; empty if it does not say."""
     key = f"{KEY} {client.client_id}"
     _run_script(client, f"localStorage.setItem({json.dumps('viser-user:' + key)}, location.href)")

@@ -21,7 +21,7 @@ from mjskip.throws.simulate import simulate_all
 from mjskip.throws.trajectory import Trajectory
 from mjskip.waves.recording import SurfaceFrames
 
-MOST_STONES = 100
+MAX_STONES = 100
 """Stones of different size that a playground keeps; then it forgets the oldest."""
 
 
@@ -33,14 +33,14 @@ class ThrowResult:
         settings: what was asked for.
         scene: that was thrown in.
         flights: by the names of bodies.
-        doubts: warnings of the run, a line each.
+        warnings: warnings of the run, a line each.
         command: the `mjskip run` that makes the same throw.
     """
 
     settings: Settings
     scene: Scene
     flights: Mapping[str, Trajectory]
-    doubts: tuple[str, ...]
+    warnings: tuple[str, ...]
     command: str
 
     @property
@@ -101,7 +101,7 @@ class Thrower:
             settings=settings,
             scene=scene,
             flights=flights,
-            doubts=tuple(str(w.message) for w in caught if issubclass(w.category, MjskipWarning)),
+            warnings=tuple(str(w.message) for w in caught if issubclass(w.category, MjskipWarning)),
             command=settings.command(
                 self._called(scene), body=scene.body if scene.body != next(iter(flights)) else None
             ),
@@ -132,7 +132,7 @@ class Thrower:
         if name not in self._made:
             file = Path(self._folder.name) / name
             file.write_text(with_stone(self.scene, turned(settings)))
-            while len(self._made) >= MOST_STONES:
+            while len(self._made) >= MAX_STONES:
                 self._made.pop(next(iter(self._made))).path.unlink()
             self._made[name] = load_scene(file, body=self.scene.body)
         return self._made[name]

@@ -11,7 +11,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
-from mjskip._typing import Array
+from mjskip._typing import Array, Integers
 from mjskip.checks import (
     check_choice,
     check_count,
@@ -48,7 +48,7 @@ PIECE = 8
 """Throws that a thread takes at a time: some sink at once, others skip for seconds."""
 
 
-MOST_THREADS = 1024
+MAX_THREADS = 1024
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -69,8 +69,8 @@ class Outcomes:
         steps: time steps taken (n,).
     """
 
-    skips: npt.NDArray[np.int64]
-    touches: npt.NDArray[np.int64]
+    skips: Integers
+    touches: Integers
     end: npt.NDArray[np.str_]
     time: Array
     distance: Array
@@ -79,7 +79,7 @@ class Outcomes:
     first_entry: Array
     first_exit: Array
     exit_velocity: Array
-    steps: npt.NDArray[np.int64]
+    steps: Integers
 
     @property
     def exit_speed(self) -> Array:
@@ -155,9 +155,7 @@ def throw_all(
             table.bodies, table.which[rows], rules, table.vertices, starts[rows], out[rows]
         )
 
-    workers = (
-        processors() if threads is None else check_count("threads", threads, high=MOST_THREADS)
-    )
+    workers = processors() if threads is None else check_count("threads", threads, high=MAX_THREADS)
     if workers == 1 or count <= PIECE:
         for first in range(0, count, PIECE):
             throw_piece(first)
@@ -240,7 +238,7 @@ def _body(stone: Stone, block: Array, place: int, gravity: Array, frozen: bool) 
 
 
 def _outcomes(out: Array) -> Outcomes:
-    def whole(column: int) -> npt.NDArray[np.int64]:
+    def whole(column: int) -> Integers:
         return out[:, column].astype(np.int64)
 
     return Outcomes(

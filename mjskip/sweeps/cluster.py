@@ -15,7 +15,7 @@ from mjskip.sweeps.job import Job, run_chunk
 
 Index = tuple[slice, ...]
 
-PATIENCE = 10.0
+TIMEOUT = 10.0
 """How long a scheduler may take to answer [s]."""
 
 
@@ -42,7 +42,7 @@ def run_on_cluster(
         raise MjskipError("a cluster needs packages more: pip install 'mjskip[sweep]'") from error
     cluster: Any = distributed  # untyped
     try:
-        client = cluster.Client(address, timeout=PATIENCE, set_as_default=False)
+        client = cluster.Client(address, timeout=TIMEOUT, set_as_default=False)
     except (TimeoutError, OSError, ValueError) as error:
         raise MjskipError(
             f"no Dask scheduler answers at {address} ({_line(error)}): start one with "

@@ -23,7 +23,7 @@ NAMED = {"gate": GATES, "law": tuple(LAWS), **dict.fromkeys(SWITCHES, ("on", "of
 PARAMETERS: dict[str, str] = {**THROW, **STONE, **WATER, **dict.fromkeys(NAMED, "")}
 """Everything that can be varied, with its SI unit; the named ones take words, switches on and off."""
 
-MOST = 10**7
+MAX_THROWS = 10**7
 """Throws of a sweep: their results fill a gigabyte."""
 
 SAMPLE, MEMBER = "sample", "member"
@@ -32,7 +32,9 @@ SAMPLE, MEMBER = "sample", "member"
 def span(low: float, high: float, count: int) -> Array:
     """`count` evenly spaced values from low to high, both included."""
     low, high = check_number("the lower end of a range", low), check_number("its upper end", high)
-    return np.linspace(low, high, check_count("the number of values of a range", count, high=MOST))
+    return np.linspace(
+        low, high, check_count("the number of values of a range", count, high=MAX_THROWS)
+    )
 
 
 def latin_hypercube(
@@ -119,8 +121,8 @@ class Design:
             lengths = {name: len(v) for name, v in getattr(self, part).items()}
             if len(set(lengths.values())) > 1:
                 raise ValueError(f"{part} have different lengths ({lengths}): give them one length")
-        if self.size > MOST:
-            raise ValueError(f"the sweep has {self.size} throws: at most {MOST} are allowed")
+        if self.size > MAX_THROWS:
+            raise ValueError(f"the sweep has {self.size} throws: at most {MAX_THROWS} are allowed")
 
     @property
     def sizes(self) -> dict[str, int]:
@@ -171,7 +173,7 @@ class Design:
 
 
 def _check_spread(given: Mapping[str, tuple[float, float]], count: int) -> None:
-    check_count("count", count, high=MOST)
+    check_count("count", count, high=MAX_THROWS)
     if not given:
         raise ValueError(f"{count} points of no parameters: give at least one")
     for name, pair in given.items():

@@ -183,7 +183,7 @@ def _by_mujoco(
 
 def outcome(trajectory: Trajectory) -> dict[str, Any]:
     """What a sweep keeps of a trajectory."""
-    way = trajectory.x[-1] - trajectory.x[0]
+    way = trajectory.position[-1] - trajectory.position[0]
     first = trajectory.contacts[0] if trajectory.contacts else None
     left = first.exit if first else None
     return {

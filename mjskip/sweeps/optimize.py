@@ -22,7 +22,7 @@ from mjskip.checks import (
 from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
 from mjskip.sweeps.batch import Outcomes, throw_all
-from mjskip.sweeps.design import MOST, normal
+from mjskip.sweeps.design import MAX_THROWS, normal
 from mjskip.throws.recording import Limits
 from mjskip.throws.throw import PARAMETERS, Throw
 
@@ -41,7 +41,7 @@ HAND: dict[str, float] = {
 NEIGHBOURS = 9
 """Values of each parameter that the neighbourhood looks at, over its whole range."""
 
-GOOD = 0.9
+GOOD_FRACTION = 0.9
 """Part of the best mean that still counts as good in the neighbourhood."""
 
 
@@ -53,7 +53,7 @@ class Neighbourhood:
         values: of the parameter (n,), ascending, SI.
         mean: of the goal over the ensemble (n,).
         deviation: of the goal within the ensemble (n,).
-        good: lowest and highest value around the best one at which the mean is at least `GOOD` of it.
+        good: lowest and highest value around the best one at which the mean is at least `GOOD_FRACTION` of it.
     """
 
     values: Array
@@ -149,10 +149,10 @@ def optimize(
     names = list(ranges)
     each = max(1, -(-population // len(names)))  # candidates by parameter, as SciPy counts
     thrown = each * len(names) * members * (generations + 1)
-    if thrown > MOST:
+    if thrown > MAX_THROWS:
         raise ValueError(
             f"the search has {thrown} throws ({each * len(names)} candidates of {members} members in "
-            f"{generations} generations and a first one): at most {MOST} are allowed"
+            f"{generations} generations and a first one): at most {MAX_THROWS} are allowed"
         )
 
     def throw_them(throws: list[Throw]) -> Outcomes:
@@ -257,9 +257,9 @@ def _around(
     mean = found.mean(axis=1)
     here = int(np.argmin(abs(values - aim[k])))
     first = last = here
-    while first > 0 and mean[first - 1] >= GOOD * mean[here]:
+    while first > 0 and mean[first - 1] >= GOOD_FRACTION * mean[here]:
         first -= 1
-    while last < len(values) - 1 and mean[last + 1] >= GOOD * mean[here]:
+    while last < len(values) - 1 and mean[last + 1] >= GOOD_FRACTION * mean[here]:
         last += 1
     return Neighbourhood(
         values=values,

@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 SHOWN = {p.unit: (p.shown_unit, 1.0 / p.factor) for p in PARAMETERS.values() if p.factor != 1.0}
 """Units that people read, and the factor to them."""
 
-MOST_PANELS = 9
+MAX_PANELS = 9
 
-MOST_COLOURS = 10
+MAX_COLOURS = 10
 """Whole numbers that a map shows in a colour each."""
 
 
@@ -73,8 +73,8 @@ def plot_sweep(
         )
     data = data.isel({d: 0 for d in data.dims if data.sizes[d] == 1 and d != MEMBER})
     panels = [data] if not rest else [data.isel({rest[0]: k}) for k in range(data.sizes[rest[0]])]
-    if len(panels) > MOST_PANELS:
-        panels = [panels[k] for k in np.linspace(0, len(panels) - 1, MOST_PANELS).astype(int)]
+    if len(panels) > MAX_PANELS:
+        panels = [panels[k] for k in np.linspace(0, len(panels) - 1, MAX_PANELS).astype(int)]
     places = 1 if kind == "curve" else len(panels)  # curves share one
     columns = min(places, 3)
     rows = math.ceil(places / columns)
@@ -173,7 +173,7 @@ def _counts(data: xr.Dataset, result: str) -> Array | None:
     """The whole numbers that a map has to show, if they are few; None if a scale is continuous."""
     values = _mean(data[result]).values
     values = values[np.isfinite(values)]
-    if not len(values) or np.any(values != np.round(values)) or np.ptp(values) > MOST_COLOURS - 1:
+    if not len(values) or np.any(values != np.round(values)) or np.ptp(values) > MAX_COLOURS - 1:
         return None
     return np.arange(values.min(), values.max() + 1.0)
 

@@ -18,7 +18,7 @@ from mjskip.checks import check_choice, check_count, check_path, check_positive,
 from mjskip.errors import MjskipWarning
 from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
-from mjskip.sweeps.batch import AIR_TOLERANCE, AIRS, MOST_THREADS, Air
+from mjskip.sweeps.batch import AIR_TOLERANCE, AIRS, MAX_THREADS, Air
 from mjskip.sweeps.design import Design
 from mjskip.sweeps.job import Job, run_chunk
 from mjskip.sweeps.store import MemoryStore, Store, open_store
@@ -97,7 +97,7 @@ def sweep(
     job = _job(scene, design, throw, water, engine, integrator, timestep, limits, air)
     check_count("chunk", chunk)
     if threads is not None:
-        check_count("threads", threads, high=MOST_THREADS)
+        check_count("threads", threads, high=MAX_THREADS)
     if scheduler is not None:
         check_type("scheduler", scheduler, str, "give an address such as tcp://127.0.0.1:8786")
     job.limits.check_steps(job.timestep, bodies=int(engine == "mujoco"))

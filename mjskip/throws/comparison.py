@@ -210,7 +210,7 @@ def _last_apart(run: Trajectory | None, other: Trajectory) -> tuple[float, float
     """Differences of the last positions [m] and attitudes [rad]."""
     if run is None:
         return math.nan, math.nan
-    position = float(np.linalg.norm(run.x[-1] - other.x[-1]))
+    position = float(np.linalg.norm(run.position[-1] - other.position[-1]))
     return position, float(difference(run.q[-1], other.q[-1]))
 
 
@@ -220,7 +220,7 @@ def _lesser_order(steps: Sequence[float], errors: Sequence[tuple[float, float]])
 
 
 def _run(scene: Scene, **options: Any) -> Trajectory:
-    """`simulate` without its doubts about coarse steps: they are the point of the ladder."""
+    """`simulate` without its warnings of coarse steps: they are the point of the ladder."""
     with warnings.catch_warnings(action="ignore", category=MjskipWarning):
         return simulate(scene, **options)
 
@@ -278,7 +278,7 @@ def _differences(run: Trajectory, other: Trajectory, begins: float, ends: float)
     rows = np.rint(run.time / spacing).astype(int)
     shared = (rows < len(other.time)) & (run.time <= ends)
     rows, mine = rows[shared], np.flatnonzero(shared)
-    position = np.linalg.norm(run.x[mine] - other.x[rows], axis=1)
+    position = np.linalg.norm(run.position[mine] - other.position[rows], axis=1)
     attitude = difference(run.q[mine], other.q[rows])
     flight = run.time[mine] < begins
     return Differences(

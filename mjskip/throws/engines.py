@@ -16,7 +16,7 @@ from mjskip._typing import Array
 from mjskip.coupling._struct_layout import library
 from mjskip.coupling.attach import Coupling, attach
 from mjskip.coupling.bodies import find_body
-from mjskip.coupling.wet import THROWN, centre_of_mass
+from mjskip.coupling.wet import THROWN_OPTIONS, centre_of_mass
 from mjskip.errors import DivergedError, SceneError
 from mjskip.hydro.wrench import entry_address, wrench_address
 from mjskip.rigid.attitude import matrices
@@ -228,7 +228,7 @@ class MujocoEngine:
         if self._water is not None:
             coupling = attach(
                 self.model, self.data, water=self._water,
-                bodies=None if self._afloat else list(self.names), max_faces=THROWN.max_faces,
+                bodies=None if self._afloat else list(self.names), max_faces=THROWN_OPTIONS.max_faces,
             )  # fmt: skip
             self._coupling = self._open.enter_context(coupling)
         return self
@@ -279,7 +279,7 @@ class MujocoEngine:
     def check(self) -> None:
         """Raise DivergedError if a force or a state was not finite since the start."""
         if self._coupling is not None:
-            self._coupling.check()  # the plugin's doubts are warnings in the data
+            self._coupling.check()  # the plugin's warnings are in the data
         _check_warnings(self.data, self._sound)
         self._sound = float(self.data.time)
 

@@ -24,7 +24,7 @@ from mjskip.rigid.state import STATE, state_columns
 from mjskip.throws import _touch_kernels as kernels
 from mjskip.throws.trajectory import ENDS, Contact, Moment, Trajectory
 
-MOST_STEPS = 1e7
+MAX_STEPS = 1e7
 """Of a run: minutes, and every step is kept."""
 
 KEPT_BYTES = 2 * 8 * (2 + STATE + LOAD)
@@ -70,10 +70,10 @@ class Limits:
             ValueError: says how many steps, or bytes, it would be.
         """
         steps = self.duration / timestep
-        if steps > MOST_STEPS:
+        if steps > MAX_STEPS:
             raise ValueError(
                 f"duration {self.duration:g} s at {timestep:g} s a step makes {steps:.3g} steps: at most "
-                f"{MOST_STEPS:g} are allowed; shorten the duration or lengthen the step"
+                f"{MAX_STEPS:g} are allowed; shorten the duration or lengthen the step"
             )
         check_memory(
             f"a record of {steps:.3g} steps of {bodies} bodies", KEPT_BYTES * steps * bodies,
@@ -180,7 +180,7 @@ class Recorder:
         contacts = self._contacts(time, states, load.force)
         return Trajectory(
             time=time,
-            x=state.position,
+            position=state.position,
             q=quaternions(state.rotation),
             P=self.stone.mass * state.velocity,
             L=np.einsum("nij,nj->ni", state.rotation, body_omega @ self.stone.inertia.T),

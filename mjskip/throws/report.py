@@ -29,6 +29,6 @@ def skip_rows(run: Trajectory, columns: Sequence[str] = tuple(COLUMNS)) -> list[
     """The chosen columns of every touch, its number first."""
     rows = []
     for number, contact in enumerate(run.contacts, 1):
-        distance = math.dist(contact.entry.position[:2], run.x[0, :2])
+        distance = math.dist(contact.entry.position[:2], run.position[0, :2])
         rows.append([str(number), *(COLUMNS[name][1](contact, distance) for name in columns)])
     return rows

@@ -23,7 +23,7 @@ from mjskip.coupling.bodies import body_name, find_body, free_bodies
 from mjskip.coupling.loading import load_model
 from mjskip.coupling.plugin import NAME, plugin_settings, plugin_water
 from mjskip.coupling.terrain import ModelTerrain
-from mjskip.coupling.wet import THROWN, body_stone
+from mjskip.coupling.wet import THROWN_OPTIONS, body_stone
 from mjskip.errors import SceneError
 from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import SWITCHES as WATER_SWITCHES
@@ -94,8 +94,10 @@ class Scene:
         found = {}
         for name in self.throws:
             body = find_body(self.model, name)
-            told = plugin_settings(self.model, body)
-            options, geoms = (told.options, told.geoms) if told else (THROWN, None)
+            settings = plugin_settings(self.model, body)
+            options, geoms = (
+                (settings.options, settings.geoms) if settings else (THROWN_OPTIONS, None)
+            )
             found[name] = body_stone(self.model, body, options=options, geoms=geoms)
         return found
 

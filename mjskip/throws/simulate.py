@@ -300,12 +300,12 @@ def _walls(field: HeightField) -> tuple[float, float, float, float] | None:
 def _thrown(scene: Scene, name: str, trajectory: Trajectory) -> Throw:
     """The throw that an arm made, as it was when the stone was let go."""
     model, body = scene.model, find_body(scene.model, name)
-    let_go = max(
+    release = max(
         when
         for grip, when in scene.arm.release_times.items()
         if body in (model.equality(grip).obj1id[0], model.equality(grip).obj2id[0])
     )
-    k = min(int(np.searchsorted(trajectory.time, let_go)), len(trajectory.time) - 1)
+    k = min(int(np.searchsorted(trajectory.time, release)), len(trajectory.time) - 1)
     velocity, omega = trajectory.velocity[k], trajectory.omega[k]
     normal = matrices(trajectory.q[k]) @ scene.stones[name].disc_normal
     attack, bank, spin = angles(normal, velocity, omega)

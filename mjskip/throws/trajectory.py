@@ -107,7 +107,7 @@ class Trajectory:
 
     Attributes:
         time: (n,) [s].
-        x: centre of mass (n, 3) [m].
+        position: centre of mass (n, 3) [m].
         q: body orientation (n, 4), w-x-y-z, body to world.
         P: momentum (n, 3) [kg m/s].
         L: angular momentum about the centre of mass (n, 3) [kg m^2/s].
@@ -130,7 +130,7 @@ class Trajectory:
     """
 
     time: Array
-    x: Array
+    position: Array
     q: Array
     P: Array
     L: Array
@@ -161,7 +161,7 @@ class Trajectory:
     def potential_energy(self) -> Array:
         """-m g.x (n,) [J]; gravity from the attributes, or `GRAVITY` if they do not say."""
         gravity = np.asarray(self.attributes.get("gravity", GRAVITY), dtype=np.float64)
-        return -self.mass * (self.x @ gravity)
+        return -self.mass * (self.position @ gravity)
 
     @property
     def energy(self) -> Array:
@@ -280,19 +280,19 @@ def pose_at(run: Trajectory, time: float) -> tuple[Array, Array]:
     """Centre of mass (3,) [m] and orientation (4,) between two rows; held beyond the ends."""
     after = int(np.clip(np.searchsorted(run.time, time), 1, max(len(run.time) - 1, 1)))
     if len(run.time) == 1:
-        return run.x[0], run.q[0]
+        return run.position[0], run.q[0]
     earlier, later = run.time[after - 1], run.time[after]
     part = min(max((time - earlier) / (later - earlier), 0.0), 1.0) if later > earlier else 1.0
     before = run.q[after - 1]
     # q and -q are one attitude: blend the nearer pair
     beyond = run.q[after] * (1.0 if before @ run.q[after] >= 0.0 else -1.0)
     attitude = (1.0 - part) * before + part * beyond
-    position = (1.0 - part) * run.x[after - 1] + part * run.x[after]
+    position = (1.0 - part) * run.position[after - 1] + part * run.position[after]
     return position, attitude / np.linalg.norm(attitude)
 
 
 _SERIES: tuple[tuple[str, tuple[str, ...], str, str], ...] = (
-    ("x", ("axis",), "m", "centre of mass"),
+    ("position", ("axis",), "m", "centre of mass"),
     ("q", ("part",), "1", "orientation, body to world"),
     ("P", ("axis",), "kg m s-1", "momentum"),
     ("L", ("axis",), "kg m2 s-1", "angular momentum about the centre of mass"),

@@ -9,13 +9,13 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from mjskip._typing import Array
+from mjskip._typing import Array, Flags, SingleArray
 from mjskip.checks import check_memory, check_number, fault
 from mjskip.waves import _block_kernels as kernels
 from mjskip.waves._stencil import reach_of
-from mjskip.waves.grid import SurfaceArray, WaveGrid
+from mjskip.waves.grid import WaveGrid
 
-TerrainMask: TypeAlias = Callable[[Array, Array], npt.NDArray[np.bool_]]
+TerrainMask: TypeAlias = Callable[[Array, Array], Flags]
 """Whether cells at x (nx,) and y (ny,) [m] are land: (nx, ny)."""
 
 FARTHEST = 1e9
@@ -38,7 +38,7 @@ class CellBlocks:
     spacing: float
     boundary: str
     centre: tuple[float, float]
-    terrain_mask: npt.NDArray[np.bool_] | TerrainMask | None
+    terrain_mask: Flags | TerrainMask | None
     grid: WaveGrid
     _margin: int
 
@@ -92,7 +92,7 @@ class CellBlocks:
         (a, b), (c, d) = names.min(axis=0).tolist(), names.max(axis=0).tolist()
         return (a * rows, b * columns), ((c - a + 1) * rows, (d - b + 1) * columns)
 
-    def _whole(self, level: int) -> SurfaceArray:
+    def _whole(self, level: int) -> SingleArray:
         """The present level, or the one before, of the whole field."""
         first, shape = self._extent()
         if self.grid.is_whole:
@@ -105,7 +105,7 @@ class CellBlocks:
 
     def _read(
         self, first: tuple[int, int], shape: tuple[int, int]
-    ) -> tuple[SurfaceArray, SurfaceArray]:
+    ) -> tuple[SingleArray, SingleArray]:
         """Copies of the two levels in a block of cells of the field."""
         both = np.empty((2, *shape), np.float32)
         margin = self._margin
@@ -113,8 +113,8 @@ class CellBlocks:
         return both[0], both[1]
 
     def _raise(
-        self, block: SurfaceArray | None, first: tuple[int, int],
-        *, before: SurfaceArray | None = None, inside: bool = False,
+        self, block: SingleArray | None, first: tuple[int, int],
+        *, before: SingleArray | None = None, inside: bool = False,
     ) -> None:  # fmt: skip
         """Raise the water in a block of stored cells, both levels unless told otherwise; land stays.
 
@@ -142,7 +142,7 @@ class CellBlocks:
 
     def _round_block(
         self, x: float, y: float, radius: float
-    ) -> tuple[SurfaceArray, int, int, tuple[float, float], float] | None:
+    ) -> tuple[SingleArray, int, int, tuple[float, float], float] | None:
         """Room for a round load, its first stored cell, and centre and reach in cells of the block.
 
         None if the load is all outside.
@@ -167,7 +167,7 @@ class CellBlocks:
         block = np.zeros((math.floor(p + reach) - i + 1, math.floor(q + reach) - j + 1), np.float32)
         return block, i, j, (p - i, q - j), reach
 
-    def _is_land(self, i: int, j: int, nx: int, ny: int) -> npt.NDArray[np.bool_]:
+    def _is_land(self, i: int, j: int, nx: int, ny: int) -> Flags:
         """Which of a block of stored cells are land; none outside the field."""
         margin, mask = self._margin, self.terrain_mask
         if callable(mask):
@@ -181,7 +181,7 @@ class CellBlocks:
                 at %= n
             np.moveaxis(land, axis, 0)[(at < 0) | (at >= n)] = False
             cells.append(np.clip(at, 0, n - 1))
-        found: npt.NDArray[np.bool_] = land & mask[np.ix_(*cells)]
+        found: Flags = land & mask[np.ix_(*cells)]
         return found
 
 

@@ -6,8 +6,7 @@ import numba
 
 from mjskip._compile.jit import kernel
 from mjskip._compile.pointers import as_doubles, as_words
-from mjskip._typing import Array
-from mjskip.waves._tile_kernels import Integers
+from mjskip._typing import Array, Integers
 
 (
     TIMESTEP, SPACING, ORIGIN_X, ORIGIN_Y, RADIUS, TOLERANCE, FACTOR, NEAR, HEAD, HIGHEST,

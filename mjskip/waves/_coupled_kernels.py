@@ -118,7 +118,7 @@ def _highest_under(c: Any, tiles: Any, state: Any, radius: float) -> float:
 
 
 @kernel
-def _how_near(immersion: int, c: Any, tiles: Any, loads: Any) -> Any:
+def _measure_immersion(immersion: int, c: Any, tiles: Any, loads: Any) -> Any:
     """Immersion of all bodies into their rows of loads; whether one is near the waves, and whether one may be
     wet before the step is over."""
     numbers = c.numbers
@@ -171,7 +171,7 @@ def coupled_steps(
             if not find_clusters(c):
                 return m, CELLS
         read_surface(c, tiles)
-        near, wet = _how_near(immersion, c, tiles, loads[m])
+        near, wet = _measure_immersion(immersion, c, tiles, loads[m])
         if waiting and near:
             return m, SURFACE
         if not waiting:

@@ -46,7 +46,7 @@ from mjskip.waves._coupled_arrays import (
 MARGIN = 3
 """Cells of a block beyond what a body and its bumps can reach in a step: slopes and the Laplacian need neighbours."""
 
-MOST_SWEEPS = 1000
+MAX_SWEEPS = 1000
 
 RK4_WEIGHTS = (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0)
 
@@ -227,7 +227,7 @@ def add_loads(c: Any, kick: float) -> None:
             faces.solve_faces(
                 c.faces, first, last, counts[SIDE], numbers[FACTOR],
                 c.means if kick > 0.0 else c.states, c.mobilities, kick,
-                numbers[TOLERANCE], MOST_SWEEPS, cells_on(c.field, box), c.turns,
+                numbers[TOLERANCE], MAX_SWEEPS, cells_on(c.field, box), c.turns,
             )  # fmt: skip
             for n in range(first, last):
                 c.guesses[int(c.faces[n, faces.PANEL])] = c.faces[n, faces.LOAD]

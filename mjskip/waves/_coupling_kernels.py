@@ -56,7 +56,7 @@ FRAME = 5
 
 SPOT = 2  # doubles of a spot before its weights
 
-MOST_SWEEPS = 1000
+MAX_SWEEPS = 1000
 
 
 @kernel
@@ -534,7 +534,7 @@ def solve_loads(
         surface_response_by_distance(faces, count, profile, per_area, factor, matrix)
     if kick > 0.0:
         add_mobility(faces, count, bodies, kick, matrix)
-    return count, solve(faces, count, matrix, tolerance, MOST_SWEEPS, speeds, loads)
+    return count, solve(faces, count, matrix, tolerance, MAX_SWEEPS, speeds, loads)
 
 
 @kernel

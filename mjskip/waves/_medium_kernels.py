@@ -3,9 +3,9 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from mjskip._compile.jit import kernel
+from mjskip._typing import SingleArray
 from mjskip.waves._tile_kernels import COLUMNS, GENERAL, ROWS, USED, WALL, levels, step_fast
 
 
@@ -17,40 +17,40 @@ class Medium(NamedTuple):
         around: (rows + 2, columns + 2) scratch for a tile and the cells about it.
     """
 
-    friction_x: npt.NDArray[np.float32]
-    friction_y: npt.NDArray[np.float32]
-    around: npt.NDArray[np.float32]
+    friction_x: SingleArray
+    friction_y: SingleArray
+    around: SingleArray
 
 
 @kernel
-def _beyond(z: Any, about: Any, k: int, r: int, c: int) -> Any:
+def _beyond(z: Any, neighbours: Any, k: int, r: int, c: int) -> Any:
     """A cell beside a tile: its neighbour's, or at a wall what that mirrors (in x, in y, or in both)."""
-    rows, columns = about[k, ROWS], about[k, COLUMNS]
+    rows, columns = neighbours[k, ROWS], neighbours[k, COLUMNS]
     x = 0 if r < 0 else (2 if r == rows else 1)
     y = 0 if c < 0 else (2 if c == columns else 1)
-    tile = about[k, 3 * x + y]
-    if tile == WALL and about[k, 3 + y] != WALL:
-        tile, x = about[k, 3 + y], 1
-    elif tile == WALL and about[k, 3 * x + 1] != WALL:
-        tile, y = about[k, 3 * x + 1], 1
+    tile = neighbours[k, 3 * x + y]
+    if tile == WALL and neighbours[k, 3 + y] != WALL:
+        tile, x = neighbours[k, 3 + y], 1
+    elif tile == WALL and neighbours[k, 3 * x + 1] != WALL:
+        tile, y = neighbours[k, 3 * x + 1], 1
     elif tile == WALL:
         tile, x, y = k, 1, 1
-    i = about[tile, ROWS] - 1 if x == 0 else (0 if x == 2 else min(max(r, 0), rows - 1))
-    j = about[tile, COLUMNS] - 1 if y == 0 else (0 if y == 2 else min(max(c, 0), columns - 1))
+    i = neighbours[tile, ROWS] - 1 if x == 0 else (0 if x == 2 else min(max(r, 0), rows - 1))
+    j = neighbours[tile, COLUMNS] - 1 if y == 0 else (0 if y == 2 else min(max(c, 0), columns - 1))
     return z[tile, i, j]
 
 
 @kernel
-def surround(z: Any, about: Any, k: int, out: Any) -> None:
+def surround(z: Any, neighbours: Any, k: int, out: Any) -> None:
     """Copy a tile and the cells about it, (rows + 2, columns + 2)."""
-    rows, columns = about[k, ROWS], about[k, COLUMNS]
+    rows, columns = neighbours[k, ROWS], neighbours[k, COLUMNS]
     out[1 : rows + 1, 1 : columns + 1] = z[k, :rows, :columns]
     for c in range(-1, columns + 1):
-        out[0, c + 1] = _beyond(z, about, k, -1, c)
-        out[rows + 1, c + 1] = _beyond(z, about, k, rows, c)
+        out[0, c + 1] = _beyond(z, neighbours, k, -1, c)
+        out[rows + 1, c + 1] = _beyond(z, neighbours, k, rows, c)
     for r in range(rows):
-        out[r + 1, 0] = _beyond(z, about, k, r, -1)
-        out[r + 1, columns + 1] = _beyond(z, about, k, r, columns)
+        out[r + 1, 0] = _beyond(z, neighbours, k, r, -1)
+        out[r + 1, columns + 1] = _beyond(z, neighbours, k, r, columns)
 
 
 @kernel
@@ -146,18 +146,18 @@ def step_mixed(tiles: Any, medium: Any, q: float, s: float, numbers: Any, inner:
             nowhere; -1 if the field does not absorb.
     """
     z, prev = levels(tiles)
-    about = tiles.about
+    neighbours = tiles.neighbours
     keep, m, r = numbers[0], numbers[1], numbers[2]
     edge, corner, half = numbers[3], numbers[4], numbers[5]
     for k in range(1, tiles.numbers[USED]):
-        rows, columns = about[k, ROWS], about[k, COLUMNS]
-        if about[k, GENERAL] == 0:
-            step_fast(z, prev, about, k, 0, rows, 0, q, s)
+        rows, columns = neighbours[k, ROWS], neighbours[k, COLUMNS]
+        if neighbours[k, GENERAL] == 0:
+            step_fast(z, prev, neighbours, k, 0, rows, 0, q, s)
             continue
         ring = 0 if inner < 0 else 1
         low, high, wide = max(inner, ring), rows - max(inner, ring), columns - max(inner, ring)
         if inner > 0:
-            step_fast(z, prev, about, k, inner, rows - inner, inner, q, s)
+            step_fast(z, prev, neighbours, k, inner, rows - inner, inner, q, s)
             if inner == ring:
                 continue
             frames = (
@@ -169,7 +169,7 @@ def step_mixed(tiles: Any, medium: Any, q: float, s: float, numbers: Any, inner:
         else:
             nothing = (0, 0, 0, 0)
             frames = (ring, rows - ring, ring, columns - ring), nothing, nothing, nothing
-        surround(z, about, k, medium.around)
+        surround(z, neighbours, k, medium.around)
         for i0, i1, j0, j1 in frames:
             step_general(
                 medium.around, tiles.water[k], prev[k], i0, i1, j0, j1,

@@ -4,7 +4,8 @@ import math
 from typing import Literal, get_args
 
 import numpy as np
-import numpy.typing as npt
+
+from mjskip._typing import SingleArray
 
 Stencil = Literal["nine_point", "five_point", "paper_eq8"]
 Boundary = Literal["reflect", "absorb", "periodic"]
@@ -31,7 +32,7 @@ SAFE_FRACTION = 0.99
 SMALLEST_STEP = 1e-10
 """Smallest step that is taken, in largest ones."""
 
-MOST_STEPS = 1e10
+MAX_STEPS = 1e10
 """Most steps that one call makes: a small grid would take days for them."""
 
 SAME_STEP = 1e-9
@@ -106,9 +107,9 @@ def steps_for(duration: float, limit: float) -> int:
     if not (math.isfinite(duration) and duration >= 0.0):
         raise ValueError(f"duration is {duration!r} s: give a number of at least 0")
     steps = duration / (SAFE_FRACTION * limit)
-    if steps > MOST_STEPS:
+    if steps > MAX_STEPS:
         raise ValueError(
-            f"duration is {duration:g} s: that makes {steps:.3g} steps of at most {limit:.3g} s, and {MOST_STEPS:g} "
+            f"duration is {duration:g} s: that makes {steps:.3g} steps of at most {limit:.3g} s, and {MAX_STEPS:g} "
             "are allowed; use a shorter duration, a larger spacing or slower waves"
         )
     return math.ceil(steps) if steps > SMALLEST_STEP else 0
@@ -130,7 +131,7 @@ def reach_of(radius: float, spacing: float) -> float:
     return math.sqrt(2.0) * max(radius / spacing, NARROWEST_LOAD)
 
 
-def sponge(length: int, rate: float) -> npt.NDArray[np.float32]:
+def sponge(length: int, rate: float) -> SingleArray:
     """(length,) friction [1/s] that grows as depth^2 over the layers at both ends; `rate` is c / d [1/s]."""
     index = np.arange(length) - 1  # the outermost cells are the open edge
     depth = np.maximum(SPONGE_CELLS - index, index - (length - 3 - SPONGE_CELLS)) / SPONGE_CELLS

@@ -19,17 +19,15 @@ import numpy.typing as npt
 
 from mjskip._compile.jit import inlined, kernel
 from mjskip._compile.pointers import address_of, as_singles
+from mjskip._typing import Array, Integers, SingleArray
 from mjskip.waves._row import column_sum, step_rows
-
-Level = npt.NDArray[np.float32]
-Integers = npt.NDArray[np.int64]
 
 STILL, WALL = 0, -1
 """Instead of a neighbour's slot: a tile that is not active, and no tile."""
 
 ROWS, COLUMNS, GENERAL = 9, 10, 11
-"""Columns of `about` behind the nine neighbours: cells along x and y, and whether `step_fast` will not do."""
-ABOUT = 12
+"""Columns of `neighbours` behind the nine neighbours: cells along x and y, and whether `step_fast` will not do."""
+NEIGHBOUR_COLUMNS = 12
 
 USED, PARITY, NX, NY, PERIODIC, FULL, SURVEYED = range(7)
 """Of `numbers`: slots in use (the still one included), which pool is the present level, cells (0 if endless),
@@ -48,7 +46,7 @@ class Tiles(NamedTuple):
 
     Attributes:
         first, second: the two levels, (capacity, rows, stride) each [m]; which is the present one alternates.
-        about: (capacity, ABOUT); of each slot the slots of the tiles around it, row by row from (-x, -y) to
+        neighbours: (capacity, NEIGHBOUR_COLUMNS); of each slot the slots of the tiles around it, row by row from (-x, -y) to
             (+x, +y), itself in the middle, and its size.
         names: (capacity, 2) place of each slot's tile.
         table: hash table of slots by name; 0 is empty.
@@ -59,14 +57,14 @@ class Tiles(NamedTuple):
         called: (8 * capacity, 2) scratch: a slot and a direction.
     """
 
-    first: Level
-    second: Level
-    about: npt.NDArray[np.int32]
+    first: SingleArray
+    second: SingleArray
+    neighbours: npt.NDArray[np.int32]
     names: Integers
     table: npt.NDArray[np.int32]
     numbers: Integers
-    water: Level
-    lost: npt.NDArray[np.float64]
+    water: SingleArray
+    lost: Array
     called: npt.NDArray[np.int32]
 
 
@@ -123,7 +121,7 @@ def name_of(tiles: Any, a: int, b: int) -> Any:
     nx, ny = tiles.numbers[NX], tiles.numbers[NY]
     if nx == 0:
         return a, b, True
-    high, wide = tiles.about[STILL, ROWS], tiles.about[STILL, COLUMNS]
+    high, wide = tiles.neighbours[STILL, ROWS], tiles.neighbours[STILL, COLUMNS]
     tiles_x, tiles_y = (nx + high - 1) // high, (ny + wide - 1) // wide
     if tiles.numbers[PERIODIC] != 0:
         return a % tiles_x, b % tiles_y, True
@@ -135,7 +133,7 @@ def locate(tiles: Any, i: int, j: int) -> Any:
     """Slot of a cell (WALL beyond the walls, STILL if its tile is not active), row and column there, and how
     many cells from it on lie in the same row of that tile."""
     nx, ny = tiles.numbers[NX], tiles.numbers[NY]
-    high, wide = tiles.about[STILL, ROWS], tiles.about[STILL, COLUMNS]
+    high, wide = tiles.neighbours[STILL, ROWS], tiles.neighbours[STILL, COLUMNS]
     if nx != 0:
         if tiles.numbers[PERIODIC] != 0:
             i, j = i % nx, j % ny
@@ -148,16 +146,16 @@ def locate(tiles: Any, i: int, j: int) -> Any:
 
 
 @kernel
-def _introduce(tiles: Any, slot: int) -> None:
-    """Tell a tile its neighbours, and them the tile."""
-    about = tiles.about
+def _link_neighbours(tiles: Any, slot: int) -> None:
+    """Link a tile and its neighbours both ways."""
+    neighbours = tiles.neighbours
     a, b = tiles.names[slot, 0], tiles.names[slot, 1]
     for direction in range(9):
         c, d, there = name_of(tiles, a + direction // 3 - 1, b + direction % 3 - 1)
         other = find_tile(tiles, c, d) if there else WALL
-        about[slot, direction] = other
+        neighbours[slot, direction] = other
         if other > 0:
-            about[other, 8 - direction] = slot
+            neighbours[other, 8 - direction] = slot
 
 
 @kernel
@@ -172,7 +170,7 @@ def activate_tile(tiles: Any, a: int, b: int) -> int:
     slot = find_tile(tiles, a, b)
     if slot > 0:
         return slot
-    numbers, about = tiles.numbers, tiles.about
+    numbers, neighbours = tiles.numbers, tiles.neighbours
     slot = numbers[USED]
     if slot == tiles.first.shape[0]:
         numbers[FULL] = 1
@@ -181,19 +179,19 @@ def activate_tile(tiles: Any, a: int, b: int) -> int:
     tiles.first[slot] = 0.0
     tiles.second[slot] = 0.0
     tiles.names[slot, 0], tiles.names[slot, 1] = a, b
-    high, wide = about[STILL, ROWS], about[STILL, COLUMNS]
-    about[slot, ROWS] = high if numbers[NX] == 0 else min(high, numbers[NX] - a * high)
-    about[slot, COLUMNS] = wide if numbers[NY] == 0 else min(wide, numbers[NY] - b * wide)
-    about[slot, GENERAL] = about[STILL, GENERAL]
+    high, wide = neighbours[STILL, ROWS], neighbours[STILL, COLUMNS]
+    neighbours[slot, ROWS] = high if numbers[NX] == 0 else min(high, numbers[NX] - a * high)
+    neighbours[slot, COLUMNS] = wide if numbers[NY] == 0 else min(wide, numbers[NY] - b * wide)
+    neighbours[slot, GENERAL] = neighbours[STILL, GENERAL]
     _enter(tiles, slot)
-    _introduce(tiles, slot)
+    _link_neighbours(tiles, slot)
     return int(slot)
 
 
 @kernel
 def activate_block(tiles: Any, i: int, j: int, nx: int, ny: int) -> bool:
     """Activate all tiles under a block of cells; False if there was no room."""
-    high, wide = tiles.about[STILL, ROWS], tiles.about[STILL, COLUMNS]
+    high, wide = tiles.neighbours[STILL, ROWS], tiles.neighbours[STILL, COLUMNS]
     for a in range(i // high, (i + nx - 1) // high + 1):
         for b in range(j // wide, (j + ny - 1) // wide + 1):
             activate_tile(tiles, a, b)
@@ -206,7 +204,7 @@ def is_active(tiles: Any, i: int, j: int, nx: int, ny: int) -> bool:
     """Whether a tile under a block of cells is active."""
     if tiles.numbers[USED] == 1:
         return False
-    high, wide = tiles.about[STILL, ROWS], tiles.about[STILL, COLUMNS]
+    high, wide = tiles.neighbours[STILL, ROWS], tiles.neighbours[STILL, COLUMNS]
     for a in range(i // high, (i + nx - 1) // high + 1):
         for b in range(j // wide, (j + ny - 1) // wide + 1):
             c, d, there = name_of(tiles, a, b)
@@ -219,12 +217,12 @@ def is_active(tiles: Any, i: int, j: int, nx: int, ny: int) -> bool:
 def activate_called(tiles: Any, amplitude: float) -> bool:
     """Activate every tile that a wave above the amplitude has come next to; False if there was no room."""
     z, _ = levels(tiles)
-    about, called = tiles.about, tiles.called
+    neighbours, called = tiles.neighbours, tiles.called
     found = 0
     for k in range(1, tiles.numbers[USED]):
-        rows, columns = about[k, ROWS], about[k, COLUMNS]
+        rows, columns = neighbours[k, ROWS], neighbours[k, COLUMNS]
         for direction in range(9):
-            if about[k, direction] != STILL:
+            if neighbours[k, direction] != STILL:
                 continue
             x, y = direction // 3, direction % 3
             i0, i1 = (0, rows) if x == 1 else ((0, 1) if x == 0 else (rows - 1, rows))
@@ -248,35 +246,35 @@ def activate_called(tiles: Any, amplitude: float) -> bool:
 def deactivate_calm_tiles(tiles: Any, amplitude: float) -> int:
     """Give up the tiles whose two levels both stay within the amplitude; their number."""
     z, prev = levels(tiles)
-    numbers, names, about = tiles.numbers, tiles.names, tiles.about
+    numbers, names, neighbours = tiles.numbers, tiles.names, tiles.neighbours
     gone = 0
     for slot in range(numbers[USED] - 1, 0, -1):  # from the last: what takes its place stays
         highest = np.float32(0.0)
-        for i in range(about[slot, ROWS]):
-            for j in range(about[slot, COLUMNS]):
+        for i in range(neighbours[slot, ROWS]):
+            for j in range(neighbours[slot, COLUMNS]):
                 highest = max(highest, max(abs(z[slot, i, j]), abs(prev[slot, i, j])))
             if highest > amplitude:
                 break
         if highest > amplitude:
             continue
-        for i in range(about[slot, ROWS]):
-            for j in range(about[slot, COLUMNS]):
+        for i in range(neighbours[slot, ROWS]):
+            for j in range(neighbours[slot, COLUMNS]):
                 tiles.lost[0] += z[slot, i, j]
         for direction in range(9):
-            other = about[slot, direction]
+            other = neighbours[slot, direction]
             if other > 0:
-                about[other, 8 - direction] = STILL
+                neighbours[other, 8 - direction] = STILL
         gone += 1
         numbers[USED] -= 1
         last = numbers[USED]
         if last != slot:
             z[slot], prev[slot] = z[last], prev[last]
-            names[slot], about[slot] = names[last], about[last]
+            names[slot], neighbours[slot] = names[last], neighbours[last]
             if tiles.water.size > 0:
                 tiles.water[slot] = tiles.water[last]
         enter_all(tiles)
         if last != slot:
-            _introduce(tiles, slot)
+            _link_neighbours(tiles, slot)
     numbers[SURVEYED] = min(numbers[SURVEYED], numbers[USED])
     return gone
 
@@ -285,23 +283,23 @@ def deactivate_calm_tiles(tiles: Any, amplitude: float) -> int:
 
 
 @inlined
-def _corner(z: Any, about: Any, k: int, x: int, y: int) -> Any:
+def _corner(z: Any, neighbours: Any, k: int, x: int, y: int) -> Any:
     """The cell beyond a corner of a tile, x and y being 0 or 2; a wall mirrors."""
-    tile, beside, along = about[k, 3 * x + y], about[k, 3 * x + 1], about[k, 3 + y]
+    tile, beside, along = neighbours[k, 3 * x + y], neighbours[k, 3 * x + 1], neighbours[k, 3 + y]
     if beside == WALL:
         tile, x, beside = (along, 2 - x, k) if along != WALL else (k, 2 - x, k)
         if along == WALL:
             y = 2 - y
     elif tile == WALL:
         tile, y = beside, 2 - y
-    i = about[tile, ROWS] - 1 if x == 0 else 0
-    j = about[tile, COLUMNS] - 1 if y == 0 else 0
+    i = neighbours[tile, ROWS] - 1 if x == 0 else 0
+    j = neighbours[tile, COLUMNS] - 1 if y == 0 else 0
     return z[tile, i, j]
 
 
 @kernel
 def step_fast(
-    z: Any, prev: Any, about: Any, k: int, i0: int, i1: int, margin: int, q: float, s: float
+    z: Any, prev: Any, neighbours: Any, k: int, i0: int, i1: int, margin: int, q: float, s: float
 ) -> None:
     """prev = z + q (z - prev) + s L(z) in rows i0..i1 of tile k, but for `margin` columns on each side.
 
@@ -309,21 +307,26 @@ def step_fast(
     share what they load. With a margin, rows i0 - 1 and i1 must be in the tile.
     """
     along, sixth = np.float32(q), np.float32(s) / np.float32(6.0)
-    rows, columns, stride = about[k, ROWS], about[k, COLUMNS], z.shape[2]
+    rows, columns, stride = neighbours[k, ROWS], neighbours[k, COLUMNS], z.shape[2]
     size, n = z.shape[1] * stride, columns - 2 * margin
     cells, out = z.reshape(z.size), prev.reshape(prev.size)
     own = k * size + margin
 
     # what lies beyond each side: the neighbour's rim, or at a wall the tile's own
-    south, north, west_tile, east_tile = about[k, 1], about[k, 7], about[k, 3], about[k, 5]
-    before = own if south == WALL else south * size + (about[south, ROWS] - 1) * stride
+    south, north, west_tile, east_tile = (
+        neighbours[k, 1],
+        neighbours[k, 7],
+        neighbours[k, 3],
+        neighbours[k, 5],
+    )
+    before = own if south == WALL else south * size + (neighbours[south, ROWS] - 1) * stride
     after = own + (rows - 1) * stride if north == WALL else north * size
     west, east = own - 1, own + n
     if margin == 0:
-        west = own if west_tile == WALL else west_tile * size + about[west_tile, COLUMNS] - 1
+        west = own if west_tile == WALL else west_tile * size + neighbours[west_tile, COLUMNS] - 1
         east = own + n - 1 if east_tile == WALL else east_tile * size
-    south_west, south_east = _corner(z, about, k, 0, 0), _corner(z, about, k, 0, 2)
-    north_west, north_east = _corner(z, about, k, 2, 0), _corner(z, about, k, 2, 2)
+    south_west, south_east = _corner(z, neighbours, k, 0, 0), _corner(z, neighbours, k, 0, 2)
+    north_west, north_east = _corner(z, neighbours, k, 2, 0), _corner(z, neighbours, k, 2, 2)
 
     beside = as_singles(address_of(cells))  # of arrays numba checks every index for being negative
     i = i0
@@ -379,12 +382,12 @@ def step_tiles(tiles: Any, q: float, s: float) -> None:
     """`step_fast` of all active tiles."""
     z, prev = levels(tiles)
     for k in range(1, tiles.numbers[USED]):
-        step_fast(z, prev, tiles.about, k, 0, tiles.about[k, ROWS], 0, q, s)
+        step_fast(z, prev, tiles.neighbours, k, 0, tiles.neighbours[k, ROWS], 0, q, s)
 
 
 @kernel
 def step_band(
-    z: Any, prev: Any, about: Any, i0: int, i1: int, q: float, s: float,
+    z: Any, prev: Any, neighbours: Any, i0: int, i1: int, q: float, s: float,
     depth: int, low: int, high: int,
 ) -> None:  # fmt: skip
     """Several steps of rows i0..i1 of the one tile of a walled field, in one pass over memory.
@@ -405,7 +408,7 @@ def step_band(
                 until = end[m] if done[m - 1] == end[m - 1] else min(done[m - 1] - 1, end[m])
             if until > done[m]:
                 if m % 2 == 0:
-                    step_fast(z, prev, about, 1, done[m], until, 0, q, s)
+                    step_fast(z, prev, neighbours, 1, done[m], until, 0, q, s)
                 else:
-                    step_fast(prev, z, about, 1, done[m], until, 0, q, s)
+                    step_fast(prev, z, neighbours, 1, done[m], until, 0, q, s)
                 done[m] = until

@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from mjskip._typing import Array
+from mjskip._typing import Array, Integers
 from mjskip.checks import check_memory
 from mjskip.errors import DivergedError, MjskipWarning
 from mjskip.hydro import _block as hydro
@@ -23,12 +23,11 @@ from mjskip.waves._coupled_arrays import Coupled
 from mjskip.waves._coupled_loads import MARGIN
 from mjskip.waves._face_kernels import FACE, MOBILITY
 from mjskip.waves._stencil import SAFE_FRACTION
-from mjskip.waves._tile_kernels import Integers
 from mjskip.waves.coupling import LOAD_RADIUS, TOLERANCE, split_block, wave_impulse
 from mjskip.waves.field import HeightField
 from mjskip.waves.recording import SurfaceRecorder
 
-NEAR = 0.02
+NEAR_CLEARANCE = 0.02
 """Clearance above the waves (taken as twice as high as when last measured) at which a body is near [m]."""
 
 WAIT_AFTER = 0.010
@@ -124,7 +123,7 @@ class CoupledWater:
                 timestep
                 / (2.0 * density * field.spacing**2 * (1.0 + 0.5 * field.damping * timestep)),
             ),
-            (arrays.NEAR, NEAR),
+            (arrays.NEAR, NEAR_CLEARANCE),
             (arrays.HEAD, 1.0 / (density * gravity * field.spacing**2)),
             (arrays.Q, q),
             (arrays.S, s),
@@ -143,7 +142,7 @@ class CoupledWater:
         self.coupled.counts[arrays.GENERAL] = grid.is_general
         self._general = grid.general_numbers(q, s, timestep)
         self.words = np.empty(3 * len(self.coupled), np.int64)
-        self._give_room(blocks)
+        self._allocate_cells(blocks)
 
     def advance(self, engine: Stepper, states: Array, steps: int) -> tuple[Array, Array, Array]:
         """Move bodies and water on.
@@ -243,7 +242,7 @@ class CoupledWater:
 
     # Room ---------------------------------------------------------------------------------------
 
-    def _give_room(self, blocks: Sequence[Array]) -> None:
+    def _allocate_cells(self, blocks: Sequence[Array]) -> None:
         """Cells for all bodies, each by itself."""
         d, cells = self.field.spacing, 0
         for block in blocks:

@@ -14,7 +14,7 @@ z_tt = -G (g z + p / rho):
     waves  G = -(c^2 / g) lap, the paper's equation (5), nine-point
     deep   G = |k| tanh(|k| H)
 
-Under a spot of radius e the paper's water is softer than real water by 1 / (e k0), k0 = g / c^2: its dent depends
+Under a spot of radius e the paper's water is softer than real water by 1 / (e k0), k0 = g / c^2: its depression depends
 on e for ever; that of deep water settles.
 """
 
@@ -25,11 +25,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 from scipy.special import j0, jv
 
-from mjskip._typing import Array
+from mjskip._typing import Array, Image, Integers
 from mjskip.hydro import _block as hydro
 from mjskip.hydro.laws import LAWS, ForceLaw
 from mjskip.hydro.packing import block_of, triangles_of
@@ -41,7 +40,7 @@ LOAD_RADIUS = 0.02
 TOLERANCE = 1e-14
 """Of the loads, relative to the greatest: the energy then closes to rounding."""
 
-MOST_FACES = 4000
+MAX_FACES = 4000
 """Triangles of all bodies of one solve, after splitting: the matrix has as many rows."""
 
 PROFILE_PER_RADIUS_SQUARED = 64
@@ -85,9 +84,9 @@ def split_block(block: Array, longest: float) -> Array:
         waiting = np.concatenate(
             [np.stack([middle, b, c], axis=1), np.stack([a, middle, c], axis=1)]
         )
-        if sum(map(len, done)) + len(waiting) > MOST_FACES:
+        if sum(map(len, done)) + len(waiting) > MAX_FACES:
             raise ValueError(
-                f"a body of radius {block[hydro.RADIUS]:.3g} m has more than {MOST_FACES} triangles no longer than "
+                f"a body of radius {block[hydro.RADIUS]:.3g} m has more than {MAX_FACES} triangles no longer than "
                 f"{longest:g} m: use a larger load_radius"
             )
     return block_of(block, np.concatenate(done))
@@ -157,7 +156,7 @@ class Surface:
     spacing: float
     level: Array
     rate: Array
-    open_cells: npt.NDArray[np.uint8] | None = None
+    open_cells: Image | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -179,7 +178,7 @@ class Loads:
     points: Array
     arms: Array
     normals: Array
-    bodies: npt.NDArray[np.int64]
+    bodies: Integers
     loads: Array
     speeds: Array
     wrenches: Array
@@ -239,9 +238,9 @@ class SurfaceCoupling:
         self.starts = np.cumsum([0, *(len(block) for block in split)])
         self.blocks = np.concatenate(split)
         self._count = int(sum(block[hydro.N_FACES] for block in split))
-        if self._count > MOST_FACES:
+        if self._count > MAX_FACES:
             raise ValueError(
-                f"the bodies have {self._count} triangles no longer than {longest_face * radius:g} m, {MOST_FACES} at most can be "
+                f"the bodies have {self._count} triangles no longer than {longest_face * radius:g} m, {MAX_FACES} at most can be "
                 "solved together: use a larger load_radius"
             )
         self._response = (

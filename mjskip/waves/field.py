@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from mjskip._typing import Array, PathLike
+from mjskip._typing import Array, Flags, PathLike, SingleArray
 from mjskip.checks import (
     check_choice,
     check_count,
@@ -36,7 +36,7 @@ from mjskip.waves._stencil import (
     paper_limit,
     steps_for,
 )
-from mjskip.waves.grid import Block, SurfaceArray, WaveGrid
+from mjskip.waves.grid import Block, WaveGrid
 
 LARGEST = float(np.finfo(np.float32).max)
 
@@ -132,7 +132,7 @@ class HeightField(CellBlocks):
             raise ValueError(
                 "an absorbing field does not sleep: leave sleep_amplitude at 0, or use HeightField.endless()"
             )
-        self.terrain_mask: npt.NDArray[np.bool_] | TerrainMask | None = None
+        self.terrain_mask: Flags | TerrainMask | None = None
         if terrain_mask is not None:
             self.terrain_mask = self._checked_mask(terrain_mask)
         self._make_grid(threads)
@@ -184,7 +184,7 @@ class HeightField(CellBlocks):
         self.centre: tuple[float, float] = (x, y)
         self.sleep_amplitude = check_number("sleep_amplitude", sleep_amplitude, low=0.0, unit="m")
 
-    def _checked_mask(self, given: npt.ArrayLike | TerrainMask) -> npt.NDArray[np.bool_]:
+    def _checked_mask(self, given: npt.ArrayLike | TerrainMask) -> Flags:
         assert self.shape is not None
         mask = np.array(given(self.x, self.y) if callable(given) else given, np.bool_)
         if mask.shape != self.shape:
@@ -222,12 +222,12 @@ class HeightField(CellBlocks):
         return self._positions(1, j, ny)
 
     @property
-    def elevation(self) -> SurfaceArray:
+    def elevation(self) -> SingleArray:
         """(nx, ny) [m], not to be written to: ask again after a step; `set` changes it."""
         return self._whole(0)
 
     @property
-    def velocity(self) -> SurfaceArray:
+    def velocity(self) -> SingleArray:
         """(nx, ny) vertical speed [m/s] from the last two levels: half a step behind."""
         if self.grid.last_timestep == 0.0:
             return np.zeros(self._extent()[1], np.float32)
@@ -290,7 +290,7 @@ class HeightField(CellBlocks):
 
     def window(
         self, x: float, y: float, shape: tuple[int, int]
-    ) -> tuple[SurfaceArray, Array, Array]:
+    ) -> tuple[SingleArray, Array, Array]:
         """A copy of the elevation around a point, still water outside the walls.
 
         Args:

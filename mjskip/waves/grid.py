@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from mjskip._typing import Flags, Integers, SingleArray
 from mjskip.checks import check_memory
 from mjskip.errors import MjskipError
 from mjskip.waves import _block_kernels as blocks
 from mjskip.waves import _tile_kernels as kernels
 from mjskip.waves._medium_kernels import Medium, fill_open_edge, mirror_edge, step_mixed
-from mjskip.waves._memory import APART, aligned_zeros
+from mjskip.waves._memory import SECOND_OFFSET, aligned_zeros
 from mjskip.waves._stencil import (
     COURANT_LIMITS,
     MARGIN,
@@ -25,7 +26,7 @@ from mjskip.waves._stencil import (
     sponge,
     step_change_filter,
 )
-from mjskip.waves._tile_kernels import ABOUT, COLUMNS, GENERAL, ROWS, STILL, TILE, Tiles
+from mjskip.waves._tile_kernels import COLUMNS, GENERAL, NEIGHBOUR_COLUMNS, ROWS, STILL, TILE, Tiles
 
 STEPS_BETWEEN_CHECKS = 16
 """Steps between looks for calm tiles: a look costs about as much as a step."""
@@ -42,11 +43,10 @@ STEPS_PER_PASS = 8
 CELLS_PER_THREAD = 1 << 21
 """With fewer cells to itself a thread costs more than it saves."""
 
-SurfaceArray = npt.NDArray[np.float32]
-Block = tuple[SurfaceArray, int, int]
+Block = tuple[SingleArray, int, int]
 """Pressure heads [m] on a block of cells, and the cell that its first element lies on."""
 
-Terrain = Callable[[int, int, int, int], npt.NDArray[np.bool_]]
+Terrain = Callable[[int, int, int, int], Flags]
 """Which cells of a block (i, j, nx, ny) are land: (nx, ny)."""
 
 
@@ -114,7 +114,7 @@ class WaveGrid:
 
     def reset(self) -> None:
         """Still water."""
-        self._spare: tuple[SurfaceArray, SurfaceArray] | None = None  # made at a change of step
+        self._spare: tuple[SingleArray, SingleArray] | None = None  # made at a change of step
         self._steps = 0
         self.last_timestep = 0.0
         self._store(1 if self.is_whole else SMALLEST_POOL)
@@ -133,15 +133,15 @@ class WaveGrid:
         elif stride % 32 == 0:
             stride += 16  # rows a power of two apart compete for the same cache lines
         self._check_memory(8 * tiles * rows * stride)
-        about = np.full((capacity, ABOUT), STILL, np.int32)
-        about[STILL, [ROWS, COLUMNS, GENERAL]] = rows, columns, self.is_general
+        neighbours = np.full((capacity, NEIGHBOUR_COLUMNS), STILL, np.int32)
+        neighbours[STILL, [ROWS, COLUMNS, GENERAL]] = rows, columns, self.is_general
         table = 1 << (2 * capacity).bit_length()
         nx, ny = self.cells or (0, 0)
         masked = capacity if self.is_general else 0
         self.tiles = Tiles(
             first=_pool(capacity, rows, stride, after=0),
-            second=_pool(capacity, rows, stride, after=APART),
-            about=about,
+            second=_pool(capacity, rows, stride, after=SECOND_OFFSET),
+            neighbours=neighbours,
             names=np.zeros((capacity, 2), np.int64),
             table=np.zeros(table, np.int32),
             numbers=np.array([1, 0, nx, ny, self._periodic, 0, 1], np.int64),
@@ -170,7 +170,7 @@ class WaveGrid:
         """Arrays with room for so many tiles, and the active ones in them."""
         old, used = self.tiles, np.s_[: self.tiles.numbers[kernels.USED]]
         self._store(tiles)
-        for name in ("first", "second", "about", "names", "water"):
+        for name in ("first", "second", "neighbours", "names", "water"):
             getattr(self.tiles, name)[used] = getattr(old, name)[used]
         self.tiles.numbers[:], self.tiles.lost[:] = old.numbers, old.lost
         self.tiles.numbers[kernels.FULL] = 0
@@ -201,21 +201,21 @@ class WaveGrid:
         return self.used - 1
 
     @property
-    def z(self) -> SurfaceArray:
+    def z(self) -> SingleArray:
         """The present level of the active tiles, (n, rows, columns)."""
         return self._levels()[0][1 : self.used, :, : self.tile[1]]
 
     @property
-    def prev(self) -> SurfaceArray:
+    def prev(self) -> SingleArray:
         """The level one step before, likewise."""
         return self._levels()[1][1 : self.used, :, : self.tile[1]]
 
     @property
-    def names(self) -> npt.NDArray[np.int64]:
+    def names(self) -> Integers:
         """Places of the active tiles, (n, 2)."""
         return self.tiles.names[1 : self.used]
 
-    def _levels(self) -> tuple[SurfaceArray, SurfaceArray]:
+    def _levels(self) -> tuple[SingleArray, SingleArray]:
         first, second = self.tiles.first, self.tiles.second
         return (second, first) if self.tiles.numbers[kernels.PARITY] else (first, second)
 
@@ -248,7 +248,7 @@ class WaveGrid:
         first = int(self.tiles.numbers[kernels.SURVEYED])
         self.tiles.numbers[kernels.SURVEYED] = self.used
         for slot in range(first, self.used):
-            rows, columns = self.tiles.about[slot, [ROWS, COLUMNS]].tolist()
+            rows, columns = self.tiles.neighbours[slot, [ROWS, COLUMNS]].tolist()
             a, b = self.tiles.names[slot].tolist()
             water = self.tiles.water[slot]
             water[...] = 1.0
@@ -264,7 +264,7 @@ class WaveGrid:
                 wet = wet[np.ix_(x, y)]
             water[: rows + 2, : columns + 2] = wet
             if self.stencil == "nine_point" and not self.margin:
-                self.tiles.about[slot, GENERAL] = not wet.all()
+                self.tiles.neighbours[slot, GENERAL] = not wet.all()
 
     # Time ---------------------------------------------------------------------------------------
 
@@ -366,7 +366,7 @@ class WaveGrid:
         tiles, used = self.tiles, np.s_[1 : self.used]
         if self._spare is None:
             shape = present.shape
-            self._spare = _pool(*shape, after=0), _pool(*shape, after=APART)
+            self._spare = _pool(*shape, after=0), _pool(*shape, after=SECOND_OFFSET)
         speed, result = self._spare
         np.subtract(present[used], before[used], out=speed[used])
         part = math.sqrt(strength) * COURANT_LIMITS[self.stencil] ** 2 / 4.0
@@ -415,7 +415,7 @@ class WaveGrid:
             m, r = 0.5 * self.damping * timestep, (self.rate * timestep) ** 2
             before += np.float32(-4.0 / (1.0 + m) + 2.0 / 3.0 * r / (1.0 + m)) * present
 
-    def general_numbers(self, q: float, s: float, timestep: float | None) -> SurfaceArray:
+    def general_numbers(self, q: float, s: float, timestep: float | None) -> SingleArray:
         """What `step_mixed` wants to know: of z + q (z - prev) + s L(z), or of a step [s]."""
         keep, m, r, half = q, 0.0, s, 0.0
         if timestep is not None:
@@ -425,7 +425,7 @@ class WaveGrid:
 
     def _sweep_bands(self, q: float, s: float, depth: int, *, swap: bool = True) -> None:
         """Several steps in one pass: bands that shrink towards each other, then the gaps between them."""
-        grid, cuts = (*self._levels(), self.tiles.about), self._cuts
+        grid, cuts = (*self._levels(), self.tiles.neighbours), self._cuts
         if self._threads == 1:
             kernels.step_band(*grid, 0, cuts[-1], q, s, depth, 0, 0)
         else:
@@ -452,6 +452,6 @@ class WaveGrid:
             other.result()
 
 
-def _pool(capacity: int, rows: int, stride: int, *, after: int) -> SurfaceArray:
+def _pool(capacity: int, rows: int, stride: int, *, after: int) -> SingleArray:
     """Still tiles."""
     return aligned_zeros(capacity * rows, stride, after=after).reshape(capacity, rows, stride)

@@ -18,14 +18,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from mjskip._typing import Array
+from mjskip._typing import Array, Integers, SingleArray
 from mjskip.checks import check_number, check_positive
 from mjskip.waves.field import HeightField
-from mjskip.waves.grid import SurfaceArray
 
-MOST_MOMENTS = 1e6
+MAX_MOMENTS = 1e6
 """Of a recording; one takes some ten to some thousand kilobytes."""
 
 IN_MEMORY = 1 << 28
@@ -61,9 +59,9 @@ class SurfaceFrames:
         self._check_moments(min(self.rate, 1.0 / timestep) * duration + self.rate * self.linger)
 
     def _check_moments(self, count: float) -> None:
-        if count > MOST_MOMENTS:
+        if count > MAX_MOMENTS:
             raise ValueError(
-                f"the surface would be recorded {count:.3g} times: at most {MOST_MOMENTS:g} are allowed; give a "
+                f"the surface would be recorded {count:.3g} times: at most {MAX_MOMENTS:g} are allowed; give a "
                 "smaller rate (fps, slow), linger or duration"
             )
 
@@ -79,7 +77,7 @@ class SurfaceRecording:
         """Begin without a moment; of this water, in a run of these steps [s]."""
         self._like, self._timestep = field.still_copy(), timestep
         self._times: list[float] = []
-        self._names: list[npt.NDArray[np.int64]] = []
+        self._names: list[Integers] = []
         self._places: list[int] = []
         self._size = 0
         self._file = tempfile.SpooledTemporaryFile(max_size=IN_MEMORY)  # noqa: SIM115
@@ -128,13 +126,13 @@ class SurfaceRecording:
             return self._moment(self._tiles(k), self._times[k])
         earlier, later = self._times[k - 1], self._times[k]
         part = np.float32((time - earlier) / (later - earlier))
-        blend: dict[tuple[int, int], SurfaceArray] = {}
+        blend: dict[tuple[int, int], SingleArray] = {}
         for weight, tiles in ((1 - part, self._tiles(k - 1)), (part, self._tiles(k))):
             for name, level in tiles.items():
                 blend[name] = blend.get(name, np.float32(0.0)) + weight * level
         return self._moment(blend, time)
 
-    def _tiles(self, k: int) -> dict[tuple[int, int], SurfaceArray]:
+    def _tiles(self, k: int) -> dict[tuple[int, int], SingleArray]:
         """Levels of a moment by the names of their tiles."""
         names = self._names[k]
         shape = (len(names), *self._like.grid.tile)
@@ -144,7 +142,7 @@ class SurfaceRecording:
         levels = np.frombuffer(data, np.float32).reshape(shape)
         return {(a, b): level for (a, b), level in zip(names.tolist(), levels, strict=True)}
 
-    def _moment(self, tiles: dict[tuple[int, int], SurfaceArray], time: float) -> HeightField:
+    def _moment(self, tiles: dict[tuple[int, int], SingleArray], time: float) -> HeightField:
         field = self._like.still_copy()
         field.time = time
         levels: Any = list(tiles.values()) or np.zeros((0, *field.grid.tile), np.float32)

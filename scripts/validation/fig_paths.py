@@ -29,12 +29,12 @@ def path(job: tuple[float, int]) -> dict[str, Any]:
     flight = fly(KIND, throw if seed == 0 else scattered(throw, seed))
     step = max(1, len(flight.time) // 400)
     return {
-        "x": flight.x[::step, 0],
-        "y": flight.x[::step, 1],
-        "z": flight.x[::step, 2],
+        "x": flight.position[::step, 0],
+        "y": flight.position[::step, 1],
+        "z": flight.position[::step, 2],
         "touches": [contact.entry.position for contact in flight.contacts],
         "skips": flight.skips,
-        "end": flight.x[-1],
+        "end": flight.position[-1],
     }
 
 

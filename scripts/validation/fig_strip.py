@@ -48,7 +48,7 @@ def run(*, quick: bool, out: Path) -> dict[str, Any]:
             float(np.degrees(throw.descent)),
         ],
         "skips": flight.skips,
-        "distance": touches[-1].position[0] - float(flight.x[0, 0]),
+        "distance": touches[-1].position[0] - float(flight.position[0, 0]),
         "sideways": touches[-1].position[1],
         "end": flight.end,
         "drawn": len(strip),
@@ -74,7 +74,7 @@ def draw(flight: Any, touches: Any, until: float, strip: Any, path: Path) -> Non
             ax.set_title(f"{(k + 1) * until / PICTURES_SHOWN:.2f} s", fontsize=9, pad=2)
     top, side = parts[1].subplots(2, 1, sharex=True, height_ratios=(1, 1))
     shown = flight.time <= until
-    x, y, z = flight.x[shown].T
+    x, y, z = flight.position[shown].T
     start = x[0]
     every = max(1, int(0.04 / (flight.time[1] - flight.time[0])))
     for ax, across in ((top, y), (side, z)):

@@ -201,7 +201,7 @@ def exact_rows() -> list[dict[str, Any]]:
             timestep=1e-5,
             limits=Limits(duration=0.02, sink_depth=1e3),
         )
-        s = fall.x[0, 2] - fall.x[-1, 2]
+        s = fall.position[0, 2] - fall.position[-1, 2]
         terminal = weight * 9.81 / (rho * disc.disc_area)
         u2 = terminal + (speed**2 - terminal) * math.exp(-2.0 * s / (2.7 * h))
         name = f"flat drop at {speed:.0f} m/s: speed after {1e3 * s:.0f} mm [m/s]"

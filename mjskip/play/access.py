@@ -24,20 +24,20 @@ if TYPE_CHECKING:
 
 COOKIE = "mjskip_token"
 
-MOST_CONNECTIONS = 32
+MAX_CONNECTIONS = 32
 """Pages at a time, those that wait for a free place included."""
 
 LARGEST_FRAME = 2**18
 """Bytes of one message from a page: its controls send some hundred, its address some thousand."""
 
-MOST_MESSAGES = 400
+MAX_MESSAGES = 400
 """Messages a second from a page: a camera that is dragged sends some sixty."""
 
 FIRST_MESSAGE = 15.0
 """Time in which a page must say something [s]: a browser sends its camera at once."""
 
 
-class Door:
+class AccessControl:
     """The rules of one server.
 
     Attributes:
@@ -65,10 +65,10 @@ class Door:
         if reason is not None:
             return connection.respond(http.HTTPStatus.FORBIDDEN, f"mjskip play: {reason}\n")
         if request.headers.get("Upgrade", "").lower() == "websocket":
-            if len(self._open) >= MOST_CONNECTIONS:
+            if len(self._open) >= MAX_CONNECTIONS:
                 return connection.respond(
                     http.HTTPStatus.SERVICE_UNAVAILABLE,
-                    f"mjskip play: {MOST_CONNECTIONS} pages are open: close one\n",
+                    f"mjskip play: {MAX_CONNECTIONS} pages are open: close one\n",
                 )
             self._open.add(connection)
         return None
@@ -89,8 +89,8 @@ class Door:
 
 
 @contextmanager
-def guarded(door: Door) -> Iterator[None]:
-    """Servers that are started meanwhile obey the door."""
+def guarded(access: AccessControl) -> Iterator[None]:
+    """Servers that are started meanwhile obey the access control."""
     import websockets.asyncio.server as library
 
     serve = library.serve
@@ -98,8 +98,8 @@ def guarded(door: Door) -> Iterator[None]:
     def guarded_serve(handler: Any, *args: Any, **kwargs: Any) -> Any:
         kwargs |= {
             "max_size": LARGEST_FRAME,
-            "process_request": _checked(door, kwargs.get("process_request")),
-            "create_connection": _limited(door),
+            "process_request": _checked(access, kwargs.get("process_request")),
+            "create_connection": _limited(access),
         }
         return serve(handler, *args, **kwargs)
 
@@ -110,24 +110,24 @@ def guarded(door: Door) -> Iterator[None]:
         library.serve = serve  # type: ignore[misc]
 
 
-def _checked(door: Door, answer: Callable[..., Any] | None) -> Callable[..., Any]:
-    """A handshake that asks the door first, and gives the page the token as a cookie."""
+def _checked(access: AccessControl, answer: Callable[..., Any] | None) -> Callable[..., Any]:
+    """A handshake that is checked first, and gives the page the token as a cookie."""
 
     def process(connection: ServerConnection, request: Request) -> Response | None:
-        refused = door.admit(connection, request)
+        refused = access.admit(connection, request)
         if refused is not None or answer is None:
             return refused
         response: Response | None = answer(connection, request)
-        if response is not None and door.token:
+        if response is not None and access.token:
             response.headers["Set-Cookie"] = (
-                f"{COOKIE}={door.token}; HttpOnly; SameSite=Strict; Path=/"
+                f"{COOKIE}={access.token}; HttpOnly; SameSite=Strict; Path=/"
             )
         return response
 
     return process
 
 
-def _limited(door: Door) -> type[ServerConnection]:
+def _limited(access: AccessControl) -> type[ServerConnection]:
     """Connections that must speak soon, but not too often."""
     from websockets.asyncio.server import ServerConnection
 
@@ -137,7 +137,7 @@ def _limited(door: Door) -> type[ServerConnection]:
         count = 0
 
         def connection_lost(self, exc: Exception | None) -> None:
-            door.closed(self)
+            access.closed(self)
             super().connection_lost(exc)
 
         async def recv(self, *args: Any, **kwargs: Any) -> Any:
@@ -152,7 +152,7 @@ def _limited(door: Door) -> type[ServerConnection]:
             if now - self.second >= 1.0:
                 self.second, self.count = now, 0
             self.count += 1
-            if self.count > MOST_MESSAGES or not isinstance(message, bytes):
+            if self.count > MAX_MESSAGES or not isinstance(message, bytes):
                 await self.close(1008, "this page sends too much, or what is no message")
                 return await super().recv()
             return message
