@@ -74,6 +74,8 @@ def integrate(
     """
     water = Water() if water is None else water
     limits = Limits() if limits is None else check_type("limits", limits, Limits)
+    check_positive(timestep=timestep)
+    limits.check_steps(timestep, bodies=1)
     moving = Integrator(
         stone,
         state_at_release(stone, throw),
@@ -84,7 +86,6 @@ def integrate(
         frozen_attitude=frozen_attitude,
         rtol=rtol,
     )
-    limits.check_steps(timestep, bodies=1)
     recorder = Recorder(name, stone, water, limits, gravity=gravity)
     done, states = 0, moving.start()
     while True:
