@@ -237,17 +237,19 @@ HOSTILE = (
 )  # fmt: skip
 
 
-def attack(playground: Playground, count: int, seed: int = 0) -> dict[str, Any]:
+def attack(
+    playground: Playground, count: int, *, seed: int = 0, peace: float = 10.0
+) -> dict[str, Any]:
     """Hostile connections, eight at a time, while one page throws on."""
     page = Page(playground)
     page.set("Throw", True)
     wait_until(lambda: page.tab.frames > 1)
 
-    def play(until: Any) -> float:
+    def play(over: Any) -> float:
         """Frames a second while a throw is shown again and again."""
         frames, begun, last = 0, time.monotonic(), page.tab.frames
         throw = begun
-        while not until():
+        while not over():
             frames += max(0, page.tab.frames - last)
             last = page.tab.frames
             if time.monotonic() >= throw:
@@ -256,8 +258,8 @@ def attack(playground: Playground, count: int, seed: int = 0) -> dict[str, Any]:
             time.sleep(0.05)
         return frames / (time.monotonic() - begun)
 
-    peace = time.monotonic() + 10.0
-    before = play(lambda: time.monotonic() > peace)
+    until = time.monotonic() + peace
+    before = play(lambda: time.monotonic() > until)
     outcomes: Counter[str] = Counter()
     serious: list[str] = []
     numbers = iter(range(count))
