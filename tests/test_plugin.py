@@ -325,11 +325,37 @@ def test_the_model_in_the_docs_floats():
         ({"air_density": "nan"}, "air_density is nan: give a finite number"),
         ({"gate": "side%ways"}, "gate is 'side%ways': use one of centre, local"),
         ({"law": "newton"}, "law is 'newton': use one of lee2010"),
+        ({"surface": "waves", "size": 1e6}, "give 16 to 512 cells along a side"),
+        (
+            {"surface": "waves", "wave_speed": 1e300},
+            "a number is too large or too small (surface=waves",
+        ),
+        ({"resolution": 10**6}, "resolution is 1000000: give a whole number between 4 and 1000"),
+        (
+            {"preset": "floating", "radiation": "true", "sea": "hs=1e300 tp=3"},
+            "a number is too large or too small (radiation=true",
+        ),
     ],
 )
 def test_a_bad_configuration_is_a_compile_error_that_names_it(config, says):
     with pytest.raises(ValueError, match=says.replace("(", r"\(")):
         plugged(config)
+
+
+@pytest.mark.parametrize("gravity", ["0 0 0", "1e9 0 0", "0 0 9.81"])
+@pytest.mark.parametrize(
+    "config",
+    [{"surface": "waves"}, {"surface": "deep"}, {"preset": "floating", "radiation": "true"}],
+)
+def test_waves_of_water_that_is_not_held_down_are_refused_still_water_is_not(gravity, config):
+    option = f'<option gravity="{gravity}" '
+    moving, still = (
+        xml(stone_xml(instance="lake"), instances={"lake": keys}).replace("<option ", option)
+        for keys in (config, {})
+    )
+    with pytest.raises(ValueError, match=r"m/s.2 along z: waves need water that is held down"):
+        mujoco.MjModel.from_xml_string(moving)
+    mujoco.mj_step(model := mujoco.MjModel.from_xml_string(still), mujoco.MjData(model))
 
 
 def test_a_bad_configuration_is_refused_although_no_body_uses_it():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import re
+import signal
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -154,6 +155,8 @@ def _encoder(
             raise  # not the encoder's: it still runs
         said = f"{error}\n{_last_line(process)}".strip().splitlines()
         reason = re.sub(r"^(\[[^]]*\] *)+", "", said[-1])  # which part of ffmpeg says it
+        if reason.endswith(":") and (code := process.wait()) < 0:
+            reason = str(signal.strsignal(-code))  # it was ended before it could say a word
         raise RenderError(
             f"{target} cannot be written, the video encoder failed: {reason}"
         ) from error

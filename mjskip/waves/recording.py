@@ -21,12 +21,13 @@ import numpy as np
 
 from mjskip._typing import Array, Integers, SingleArray
 from mjskip.checks import check_number, check_positive
+from mjskip.files import writing
 from mjskip.waves.field import HeightField
 
 MAX_MOMENTS = 1e6
 """Of a recording; one takes some ten to some thousand kilobytes."""
 
-IN_MEMORY = 1 << 28
+IN_MEMORY = 1 << 25
 """Bytes of a recording beyond which it goes into a temporary file."""
 
 
@@ -95,9 +96,13 @@ class SurfaceRecording:
         return self._like.spacing
 
     def append(self, field: HeightField) -> None:
-        """Record the water as it is, at its time."""
+        """Record the water as it is, at its time.
+
+        Raises:
+            MjskipError: the folder of temporary files is full.
+        """
         levels = np.ascontiguousarray(field.grid.z)
-        with self._lock:
+        with self._lock, writing(tempfile.gettempdir()):
             self._file.seek(self._size)
             self._file.write(levels.tobytes())
             self._times.append(field.time)
