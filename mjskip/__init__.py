@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from mjskip.hydro.stone import Stone as Stone
     from mjskip.hydro.water import Water as Water
     from mjskip.hydro.wrench import wrench as wrench
+    from mjskip.sweeps.models import sweep_model as sweep_model
     from mjskip.sweeps.optimize import optimize as optimize
     from mjskip.sweeps.sweep import sweep as sweep
     from mjskip.throws.recording import Limits as Limits
@@ -45,7 +46,7 @@ __all__ = [
     "LAWS", "Contact", "Coupling", "HeightField", "Hull", "Limits", "Renderer", "Scene", "Sea", "Stone", "Throw",
     "Trajectory", "Water", "WaterAppearance", "WaterSurface", "add_water", "attach", "errors", "float_at_rest", "integrate", "load_scene",
     "optimize", "register_plugin", "render_video",
-    "simulate", "simulate_all", "sweep", "wrench",
+    "simulate", "simulate_all", "sweep", "sweep_model", "wrench",
 ]  # fmt: skip
 
 _WHERE = {
@@ -62,6 +63,7 @@ _WHERE = {
     "hydro.stone": ["Stone"],
     "hydro.water": ["Water"],
     "hydro.wrench": ["wrench"],
+    "sweeps.models": ["sweep_model"],
     "sweeps.optimize": ["optimize"],
     "sweeps.sweep": ["sweep"],
     "throws.recording": ["Limits"],

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from mjskip._typing import Array
 
@@ -92,15 +93,54 @@ def check_choice(name: str, value: T, allowed: Collection[T]) -> T:
     return value
 
 
+def check_array(name: str, value: object, *shape: int | None, remedy: str = "") -> Array:
+    """The value as an array of finite real numbers; of this shape, if one is given, None being any length."""
+    array = _as_array(value)
+    fits = array is not None and (
+        not shape
+        or (
+            array.ndim == len(shape)
+            and all(want in (None, n) for want, n in zip(shape, array.shape, strict=True))
+        )
+    )
+    if array is None or not fits:
+        sides = ", ".join("n" if n is None else str(n) for n in shape)
+        text = f"give finite numbers, ({sides})" if shape else "give finite numbers"
+        raise fault(name, value, remedy or text)
+    return array
+
+
 def check_vector(name: str, value: object, size: int) -> Array:
     """The value as an array (size,) of finite numbers."""
+    return check_array(name, value, size, remedy=f"give {size} finite numbers")
+
+
+def check_surface(vertices: object, faces: object) -> tuple[Array, npt.NDArray[np.int32]]:
+    """Vertices (n, 3) [m], and triangles (m, 3) as indices of them."""
+    points = check_array("vertices", vertices, None, 3)
+    index = _as_array(faces)
+    if (
+        index is None
+        or index.ndim != 2
+        or index.shape[1] != 3
+        or not len(index)
+        or (index % 1.0 != 0.0).any()
+        or not (index.min() >= 0 and index.max() < len(points))
+    ):
+        raise fault("faces", faces, "give triangles (m, 3) as indices of the vertices")
+    return points, np.asarray(index, dtype=np.int32)
+
+
+def _as_array(value: object) -> Array | None:
+    """Finite real numbers as an array, or None."""
     try:
-        array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        array = np.empty(0)
-    if array.shape != (size,) or not np.isfinite(array).all():
-        raise fault(name, value, f"give {size} finite numbers")
-    return array
+        found = np.asarray(value)
+        if found.dtype.kind in "biuf" or (found.dtype == object and found.size):
+            found = found.astype(np.float64)
+            return found if np.isfinite(found).all() else None
+    except (TypeError, ValueError, OverflowError):
+        pass
+    return None
 
 
 def check_mapping(name: str, value: object, remedy: str) -> Mapping[str, Any]:

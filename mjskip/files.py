@@ -9,23 +9,23 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from mjskip._typing import PathLike
+from mjskip.checks import check_path
 from mjskip.errors import MjskipError
 
-Name = str | os.PathLike[str]
 
-
-def check_target(path: Name) -> Path:
+def check_target(path: PathLike) -> Path:
     """The path, if a file or folder can be made there.
 
     Raises:
         MjskipError: its folder does not exist or cannot be written to.
     """
-    target = Path(path)
+    target = check_path("path", path)
     check_folder(target.parent)
     return target
 
 
-def check_folder(folder: Name) -> Path:
+def check_folder(folder: PathLike) -> Path:
     """The folder, if it exists and files can be made in it.
 
     Raises:
@@ -40,7 +40,7 @@ def check_folder(folder: Name) -> Path:
 
 
 @contextmanager
-def whole_file(path: Name) -> Iterator[Path]:
+def whole_file(path: PathLike) -> Iterator[Path]:
     """A path beside `path` to write a file or a folder to; renamed to it when all went well, removed otherwise.
 
     What processes that are no longer there left beside the same target is removed first.
@@ -64,7 +64,7 @@ def whole_file(path: Name) -> Iterator[Path]:
 
 
 @contextmanager
-def writing(target: Name) -> Iterator[None]:
+def writing(target: PathLike) -> Iterator[None]:
     """Turn what a disk or the memory refuses while `target` is written into one line.
 
     Raises:
@@ -113,7 +113,7 @@ def _remove(path: Path) -> None:
 
 
 @contextmanager
-def reading(path: Name, *, what: str, writer: str) -> Iterator[None]:
+def reading(path: PathLike, *, what: str, writer: str) -> Iterator[None]:
     """Turn everything that a missing, damaged or foreign file does to its reader into one line.
 
     Args:
@@ -124,8 +124,9 @@ def reading(path: Name, *, what: str, writer: str) -> Iterator[None]:
     Raises:
         MjskipError: names the file, the reason, and what to give instead.
     """
+    file = check_path("path", path)
     try:
-        if not Path(path).exists():
+        if not file.exists():
             raise FileNotFoundError("there is no such file")
         yield
     except MjskipError:

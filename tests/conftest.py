@@ -153,17 +153,3 @@ def lake():
 def clanet_scene():
     """Clanet's disc as a scene."""
     return load_scene("clanet_disc")
-
-
-KNOWN_FAILURES = {
-    "test_fuzz.py::test_every_case_ends_in_a_result_or_in_one_line[call]": "some unfit arguments still raise TypeError",
-    "test_film.py::test_a_duel_shows_both_throws_at_the_same_moment": "after JAX was loaded in the same process: os.fork",
-}
-"""Tests that are known to fail, and why as far as it is known; the closing note names them too."""
-
-
-def pytest_collection_modifyitems(items):
-    for item in items:
-        for name, reason in KNOWN_FAILURES.items():
-            if f"/{name}" in item.nodeid:
-                item.add_marker(pytest.mark.xfail(reason=reason, strict=False))

@@ -16,9 +16,11 @@ import mjskip
 from mjskip.cli import main
 from mjskip.coupling.loading import load_model
 from mjskip.coupling.plugin import plugin_surface, register_plugin
+from mjskip.coupling.water_surface import model_surface
 from mjskip.hydro.radiation import table_coefficients
 from mjskip.hydro.seas import Sea
 from mjskip.throws.scene import shipped_scenes
+from mjskip.waves.recording import SurfaceFrames
 
 SPHERE = '<body name="float"><freejoint/><geom type="sphere" size=".15" mass="7.0686"/>{}</body>'
 BARGE = '<body name="barge"{}><freejoint/><geom name="deck" type="box" size=".5 .2 .1" mass="{}"/>{}</body>'
@@ -331,6 +333,13 @@ def test_the_surface_can_be_asked_for():
         assert near[0] == pytest.approx(near[1], rel=0.05)
         assert abs(near[0]) > 1e-4
         assert near[2] == 0.0
+        x, y = np.array([0.0, 0.2, 5.0]), np.array([-0.3, 0.0])
+        points = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+        np.testing.assert_allclose(
+            coupling.grid_elevation(data, x, y).ravel(),
+            coupling.elevation(data, points),
+            atol=1e-12,
+        )
         assert coupling.wrench(data, "float").force[2] == pytest.approx(
             7.0686 * 9.81 + 7.0686 * data.qacc[2], rel=0.5
         )
@@ -524,3 +533,20 @@ def test_a_sea_is_given_at_the_command_line(capsys):
         main(["run", "lake", "--sea", "height=0.3 period=2"])
     assert ended.value.code == 2
     assert "a sea acts on bodies that radiate" in capsys.readouterr().err
+
+
+def test_a_run_of_what_floats_keeps_its_joints_and_the_sea_that_acts():
+    scene = mjskip.load_scene("boat_in_swell")
+    frames = SurfaceFrames(rate=10.0)
+    run = mjskip.simulate(scene, limits=mjskip.Limits(duration=0.5), record=frames)
+    assert run.qpos.shape == (len(run.time), scene.model.nq)
+    np.testing.assert_allclose(run.surface.times[:6], np.arange(6) / 10.0, atol=1e-9)
+    data = mujoco.MjData(scene.model)
+    while data.time < 0.4 - 1e-9:
+        mujoco.mj_step(scene.model, data)
+    np.testing.assert_array_equal(run.qpos[round(0.4 / scene.model.opt.timestep)], data.qpos)
+    surface = model_surface(scene.model, data)
+    for x, y in ((0.0, 1.5), (-2.0, 0.0)):
+        felt = surface.elevation(data, [[x, y]])[0]
+        assert abs(felt) > 1e-3
+        assert run.surface.at(0.4).sample(x, y).elevation[0] == pytest.approx(felt, abs=2e-3)

@@ -235,6 +235,43 @@ def test_options_change_water_and_stone_for_one_episode():
     np.testing.assert_array_equal(env.reset(seed=0)[0], plain)
 
 
+REGULAR = {"height": 0.06, "period": 1.6, "direction": 0.7}
+
+
+def drift(env, sea, steps=150, seed=4):
+    """Heights and distances of a raft that does nothing, over 7.5 s."""
+    env.reset(seed=seed, options=None if sea is None else {"sea": sea})
+    seen = [env.step(np.zeros(3)) for _ in range(steps)]
+    return np.array([[step[0][4], step[4]["distance"]] for step in seen])
+
+
+def test_a_raft_rides_the_sea_that_a_reset_asks_for():
+    env = make("Float")
+    still, moved = drift(env, None), drift(env, REGULAR)
+    late = slice(60, None)  # a wave of 4 m is followed by a raft of 0.8 m
+    assert np.ptp(still[late, 0]) < 1e-3
+    assert np.ptp(moved[late, 0]) == pytest.approx(0.06, rel=0.15)
+    np.testing.assert_array_equal(drift(env, REGULAR), moved)
+    # another episode meets the sea at another moment
+    assert not np.array_equal(drift(env, REGULAR, seed=5)[:, 0], moved[:, 0])
+    np.testing.assert_array_equal(drift(env, None), still)
+
+
+def test_many_rafts_in_a_sea_are_those_one_by_one_to_the_bit():
+    sea = "height=0.06 period=1.6 direction=40"
+    batch = many("Float", 3, num_threads=2, max_episode_steps=12, sea=sea)
+    single = many("Float", 3, "sync", max_episode_steps=12, sea=sea)
+    actions = random_actions(single, 30)
+    np.testing.assert_array_equal(run(batch, actions, 7), run(single, actions, 7))
+    batch.close()
+    single.close()
+    still = many("Float", 2)
+    with pytest.raises(ValueError, match="all episodes of a batch are in still water, or all in a"):
+        still.reset(options={"sea": sea})
+    still.reset(seed=0)
+    still.step(np.zeros((2, 3)))
+
+
 def test_ranges_are_drawn_anew_for_every_episode():
     env = make("Float", water={"density": (900.0, 1100.0)})
     densities = set()
@@ -251,7 +288,11 @@ def test_ranges_are_drawn_anew_for_every_episode():
 @pytest.mark.parametrize(
     ("name", "options", "says"),
     [
-        ("Float", {"sea": {"hs": 1.0}}, "options has no 'sea': use water"),
+        ("Wade", {"sea": {"hs": 1.0}}, "options has no 'sea': use water"),
+        ("Float", {"sea": {"hs": 1.0}}, "says too little"),
+        ("Float", {"sea": {"hs": 1.0, "wind": 3.0}}, "sea has no 'wind'"),
+        ("Float", {"sea": {"hs": -1.0, "tp": 3.0}}, "sea hs is -1.0"),
+        ("Float", {"sea": "hs=1 wind=3"}, "has 'wind'"),
         ("Float", {"water": {"salt": 1}}, "water has no 'salt'"),
         ("Float", {"water": {"density": "thick"}}, "water density is 'thick'"),
         ("Float", {"water": {"density": (1100, 900)}}, "the lower end first"),

@@ -1,6 +1,7 @@
 """The force law for JAX: equal to the compiled one, and its derivatives to finite differences."""
 
 import os
+import sys
 
 import numpy as np
 import pytest
@@ -22,7 +23,11 @@ jax.config.update("jax_enable_x64", True)
 PEBBLE = Stone.pebble()
 WATERS = {
     **{
-        f"{name} {gate}": Water(law=name, gate=gate) for name, law in LAWS.items() if not law.forward for gate in ("centre", "local")
+        f"{name} {gate}": Water(law=name, gate=gate) for name in LAWS for gate in ("centre", "local")
+    },
+    **{
+        f"{name} {gate} quadrature": Water(law=name, gate=gate, quadrature=True)
+        for name, law in LAWS.items() if not law.forward for gate in ("centre", "local")
     },
     "floating": Water(gate="local", buoyancy=True, skin_friction=True, density=900.0),
 }  # fmt: skip
@@ -46,13 +51,17 @@ def at(states, k):
 
 FEW = ["floating", "bocquet2003 centre"]
 """All terms of the formula, both gates: to compile takes seconds each."""
-
-some = pytest.mark.parametrize(
-    "name", [name if name in FEW else pytest.param(name, marks=pytest.mark.slow) for name in WATERS]
-)
+INTEGRATED = ["rayleigh1876_forward centre", "bocquet2003 local quadrature"]
 
 
-@some
+def some(quick):
+    """These waters, and the others among the slow tests."""
+    return pytest.mark.parametrize(
+        "name", [n if n in quick else pytest.param(n, marks=pytest.mark.slow) for n in WATERS]
+    )
+
+
+@some([*FEW, *INTEGRATED])
 def test_the_load_is_the_compiled_one(name):
     water = WATERS[name]
     load = jax.jit(jax.vmap(mjskip.jax.wrench(PEBBLE, water)))
@@ -78,7 +87,7 @@ def unflat(x):
     return State(x[:3], x[3:7], x[7:10], x[10:])
 
 
-@some
+@some(FEW)
 def test_derivatives_are_those_of_finite_differences(name):
     load = mjskip.jax.wrench(PEBBLE, WATERS[name])
 
@@ -160,10 +169,16 @@ def test_a_throw_is_the_one_of_the_pure_integrator():
     np.testing.assert_allclose(states.velocity[-1], reference.velocity[1200], atol=1e-4)
 
 
-@pytest.mark.parametrize("options", [{"law": "rayleigh1876_forward"}, {"quadrature": True}])
-def test_loads_integrated_over_faces_are_refused(options):
-    with pytest.raises(ValueError, match=r"for JAX use one of lee2010, .*, without quadrature"):
-        mjskip.jax.wrench(PEBBLE, Water(**options))
+@pytest.mark.parametrize(
+    ("water", "says"),
+    [
+        (Water.floating(radiation=True), "radiation is True: for JAX water is still"),
+        (Water(law="rayleigh1876_forward", added_mass=0.5), "added_mass is 0.5: for JAX leave it out"),
+    ],
+)  # fmt: skip
+def test_water_that_is_not_known_here_is_refused(water, says):
+    with pytest.raises(ValueError, match=says):
+        mjskip.jax.wrench(PEBBLE, water)
 
 
 def test_single_precision_is_refused():
@@ -173,3 +188,23 @@ def test_single_precision_is_refused():
             mjskip.jax.wrench(PEBBLE)
     finally:
         jax.config.update("jax_enable_x64", True)
+
+
+def test_who_loads_a_model_with_the_plugin_after_mjx_is_told_that_mjx_drops_it(monkeypatch):
+    from types import ModuleType
+
+    import mujoco
+
+    from mjskip import register_plugin
+    from mjskip.coupling.plugin import MJX, _told
+    from mjskip.errors import MjskipWarning
+
+    register_plugin()
+    monkeypatch.setitem(sys.modules, "mujoco.mjx", ModuleType("mujoco.mjx"))
+    if MJX in _told:
+        _told.remove(MJX)
+    with pytest.warns(MjskipWarning, match=r"MJX is loaded, which drops plugin mjskip\.water"):
+        mujoco.MjModel.from_xml_string(
+            '<mujoco><extension><plugin plugin="mjskip.water"><instance name="w"/></plugin></extension>'
+            '<worldbody><body><freejoint/><plugin instance="w"/><geom size=".1"/></body></worldbody></mujoco>'
+        )

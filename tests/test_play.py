@@ -680,10 +680,13 @@ def test_a_stranger_who_says_nothing_is_dropped(playground, monkeypatch):
 
 
 @gone
-def test_an_unknown_choice_of_the_page_is_ignored(playground, capsys):
+def test_an_unknown_choice_of_the_page_is_ignored(playground, capsys, monkeypatch):
+    said = []
     with Page(playground) as page:
+        monkeypatch.setattr(page.tab, "_status", said.append)
         page.set("slow", "as fast as you can")
         page.set("view", "from below")
+        wait_until(lambda: {text.split(":")[0] for text in said} >= {"slow", "view"})
         page.set("slow", "10")
         wait_until(lambda: page.tab._controls["slow"].value == "10")
         wait_until(lambda: page.tab._controls["view"].value != "from below")

@@ -677,7 +677,7 @@ def test_threads_that_make_copy_step_and_free_models_neither_mix_nor_grow(second
 
     def churn(offset):
         count = 0
-        while time.monotonic() < until and not wrong:
+        while (time.monotonic() < until or count <= 20) and not wrong:
             kind = kinds[(count + offset) % len(kinds)]
             try:
                 if not np.array_equal(once(kind), expected[kind]):
@@ -696,7 +696,6 @@ def test_threads_that_make_copy_step_and_free_models_neither_mix_nor_grow(second
     for thread in threads:
         thread.join()
     assert wrong == []
-    assert min(done) > 20
     settled, last = sizes[len(sizes) // 4], sizes[-1]
     assert last - settled < 20e6, f"{(last - settled) / 1e6:.1f} MB over {sum(done)} rounds"
 

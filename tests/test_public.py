@@ -63,6 +63,15 @@ def test_help_loads_nothing_heavy():
 def test_a_body_in_water_needs_no_tables_and_no_drawing():
     loaded = in_a_new_process("import sys; from mjskip import attach; print(*sys.modules)").split()
     assert not {"xarray", "pandas", "matplotlib", "mediapy", "rich"} & set(loaded)
+    slow = (
+        "scipy.special",
+        "scipy.spatial",
+        "scipy.sparse",
+        "scipy.interpolate",
+        "scipy.fft",
+        "trimesh",
+    )
+    assert not {*slow, "rocket_fft", "manifold3d", "shapely"} & set(loaded)
     assert not [name for name in loaded if name.startswith(("mjskip.draw", "mjskip.sweeps"))]
 
 

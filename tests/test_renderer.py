@@ -14,6 +14,8 @@ from mjskip.draw import renderer as module
 from mjskip.draw.appearance import WaterAppearance
 from mjskip.draw.gl import offscreen
 from mjskip.draw.renderer import WATER_ID
+from mjskip.draw.skin import Grid
+from mjskip.draw.stage import Stage
 from mjskip.draw.surface import patch_of
 from mjskip.errors import RenderError
 
@@ -373,13 +375,48 @@ def test_a_sea_that_bodies_float_in_is_drawn_with_its_height():
     class Swell:
         surface = object()
 
-        def elevation(self, data, points):
-            return 0.1 * np.sin(points[:, 0] - data)
+        def grid_elevation(self, data, x, y):
+            return 0.1 * np.sin(x - data)[:, None] + 0.0 * y
 
     patch = patch_of(Swell(), focus=(3.04, 0.0), data=0.5)
     x = patch.origin[0] + patch.spacing * np.arange(len(patch.elevation))
     np.testing.assert_allclose(patch.elevation[:, 7], 0.1 * np.sin(x - 0.5), atol=1e-6)
     assert np.abs(patch_of(Swell()).elevation).max() == 0.0  # without data it is nobody's
+
+
+def test_moving_water_that_a_model_brings_is_drawn_without_being_named():
+    spec = mujoco.MjSpec.from_string(
+        """<mujoco><worldbody><camera name="above" pos="0 0 1"/>
+        <body name="ball" pos="0 0 .02"><freejoint/><geom type="sphere" size=".05"/></body></worldbody></mujoco>"""
+    )
+    mjskip.add_water(spec, mjskip.Water.floating(), surface="waves")
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    mjskip.WaterSurface(model, data).press(0.1, 0.0, impulse=0.02, radius=0.03)
+    mujoco.mj_step(model, data, 100)
+    pictures = []
+    for water in (None, mjskip.WaterSurface(model, data), mjskip.HeightField((4, 4), 1.0)):
+        with mjskip.Renderer(model, 120, 160, water=water, linear=True) as renderer:
+            renderer.update_scene(data, "above")
+            pictures.append(renderer.render().astype(float))
+    np.testing.assert_array_equal(pictures[0], pictures[1])
+    assert np.abs(pictures[0] - pictures[2]).max() > 5.0
+
+
+def test_joints_move_in_films_of_what_floats():
+    scene = mjskip.load_scene("quadruped_wading")
+    run = mjskip.simulate(scene, limits=mjskip.Limits(duration=0.4))
+    stage = Stage(
+        scene,
+        {scene.body: run},
+        camera=scene.model.camera(0).name,
+        size=(64, 48),
+        grid=Grid.around(step=0.1),
+    )
+    stage._put_stones(0.3)
+    np.testing.assert_allclose(stage.data.qpos, run.qpos[np.searchsorted(run.time, 0.3)], atol=1e-3)
+    assert np.abs(stage.data.qpos[7:] - run.qpos[0, 7:]).max() > 0.05
 
 
 def test_without_shaders_the_error_names_the_plain_look(monkeypatch):

@@ -152,3 +152,12 @@ def test_a_sea_is_said_in_a_line():
 def test_a_sea_that_cannot_be_is_refused_in_one_line(text, match):
     with pytest.raises(ValueError, match=match):
         Sea.from_text(text)
+
+
+def test_a_grid_of_heights_is_that_of_its_points():
+    sea = Sea.irregular(hs=0.3, tp=2.0, spreading=0.4, current=(0.3, -0.2), seed=3)
+    x, y = np.linspace(-3.0, 2.0, 5), np.linspace(0.0, 4.0, 3)
+    points = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+    np.testing.assert_allclose(
+        sea.grid_elevation(x, y, 7.3).ravel(), sea.elevation(points, 7.3), atol=1e-12
+    )

@@ -224,7 +224,7 @@ def test_sizes_that_are_none_are_refused(name, value):
 
 
 def test_other_arguments_that_make_no_stone_are_refused():
-    with pytest.raises(ValueError, match="segments is 2: give a whole number between 3 and 1000"):
+    with pytest.raises(ValueError, match="segments is 2: give a whole number between 3 and"):
         Stone.disc(0.05, 0.01, segments=2)
     with pytest.raises(ValueError, match="rings is 0"):
         Stone.lens(0.05, 0.01, rings=0)

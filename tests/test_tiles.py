@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from mjskip.errors import MjskipError
 from mjskip.waves import HeightField
 from mjskip.waves._tile_kernels import TILE, find_tile
 
@@ -199,7 +200,7 @@ def test_islands_given_as_a_function_are_the_same_in_tiles_and_in_the_whole(tmp_
         assert not elevation[islands(x, y)].any()
     assert abs(whole.elevation).max() > 1e-3
     endless.save(tmp_path / "islands.npz")
-    with pytest.raises(ValueError, match=r"was a function: give it to load\(\) again"):
+    with pytest.raises(MjskipError, match=r"was a function: give it to load\(\) again"):
         HeightField.load(tmp_path / "islands.npz")
     again = HeightField.load(tmp_path / "islands.npz", terrain_mask=islands)
     for water in (again, endless):
@@ -232,7 +233,7 @@ def test_what_cannot_be_is_refused(make, message):
 def test_an_unstable_step_is_refused_as_in_a_rectangle():
     with pytest.raises(ValueError, match=r"unstable: use at most 0\.0173205 s"):
         HeightField.endless().step(0.02)
-    with pytest.raises(ValueError, match="give a number above 0"):
+    with pytest.raises(ValueError, match=r"timestep is .*: give a finite number greater than 0"):
         HeightField.endless().step(-1.0)
     with pytest.raises(ValueError, match="duration is nan"):
         HeightField.endless().advance(math.nan)

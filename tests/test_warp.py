@@ -121,10 +121,11 @@ def assert_close(found, expected, share=1e-5):
     assert error.max() < share
 
 
-@pytest.mark.parametrize("law", [name for name, law in LAWS.items() if not law.forward])
+@pytest.mark.parametrize("quadrature", ["false", "true"])
+@pytest.mark.parametrize("law", [name for name in LAWS if name != "none"])
 @pytest.mark.parametrize("gate", ["centre", "local"])
-def test_every_law_is_the_plugins(law, gate):
-    model = stone_model(law=law, gate=gate)
+def test_every_law_is_the_plugins(law, gate, quadrature):
+    model = stone_model(law=law, gate=gate, quadrature=quadrature)
     bare = mjskip.warp.strip_plugin(model)
     qpos, qvel = states(model, 500, 0.05)
     with_water, seen = passive(model, qpos, qvel)
@@ -137,6 +138,28 @@ def test_what_bears_and_rubs_is_the_plugins():
     qpos, qvel = states(model, 500, 0.05, speed=0.3, spin=3.0)
     with_water, seen = passive(model, qpos, qvel)
     assert_close(warp_passive(model, seen)[0], with_water)
+
+
+def test_a_law_integrated_over_faces_stands_beside_what_bears_and_rubs():
+    model = stone_model(
+        buoyancy="true", skin_friction="true", law="rosellini2005_forward", density=900
+    )
+    qpos, qvel = states(model, 500, 0.05, speed=0.5, spin=3.0)
+    with_water, seen = passive(model, qpos, qvel)
+    assert_close(warp_passive(model, seen)[0], with_water)
+
+
+@pytest.mark.parametrize("law", ["rayleigh1876_forward", "birkhoff1944"])
+def test_bodies_of_a_tree_have_laws_integrated_over_their_faces(law):
+    register_plugin()
+    spec = mujoco.MjSpec.from_file(str(Path(mjskip.envs.__file__).parent / "assets" / "wade.xml"))
+    for plugin in spec.plugins:
+        plugin.config = {**plugin.config, "law": law, "quadrature": "true"}
+    model = spec.compile()
+    qpos, qvel = states(model, 300, 0.3, speed=1.0, spin=3.0)
+    with_water, seen = passive(model, qpos, qvel)
+    without, _ = passive(mjskip.warp.strip_plugin(model), qpos, qvel)
+    assert_close(warp_passive(model, seen)[0], with_water - without)
 
 
 def test_bodies_of_a_tree_push_every_joint_above_them():
@@ -208,11 +231,10 @@ def test_what_cannot_be_attached_is_named():
     dry = mujoco.MjModel.from_xml_string("<mujoco/>")
     with pytest.raises(SceneError, match="no free body"):
         mjskip.warp.attach(m, dry)
-    for options in ({"law": "rayleigh1876_forward"}, {"quadrature": True}):
-        with pytest.raises(
-            ValueError, match=r"for Warp use one of lee2010, .*, without quadrature"
-        ):
-            mjskip.warp.attach(m, model, water=Water(**options))
+    with pytest.raises(ValueError, match=r"radiation is True: for Warp water is still"):
+        mjskip.warp.attach(m, model, water=Water.floating(radiation=True))
+    with pytest.raises(ValueError, match=r"added_mass is 1: for Warp leave it out"):
+        mjskip.warp.attach(m, model, water=Water(law="rayleigh1876_forward", added_mass=1.0))
 
 
 # what follows compiles MuJoCo Warp itself, for a minute or two

@@ -10,6 +10,7 @@ from typing import Any
 
 import click
 
+from mjskip.checks import free_memory
 from mjskip.errors import DivergedError, MjskipError, MjskipWarning
 
 COMMANDS = {
@@ -26,6 +27,9 @@ COMMANDS = {
     "info": "Versions, OpenGL renderer, ffmpeg, threads, shipped scenes.",
 }
 """Each is a module of this package with a click command of the same name."""
+
+SHORT_OF_MEMORY = 2**28
+"""Bytes below which a failure of a library is put down to too little memory."""
 
 
 class _Group(click.Group):
@@ -94,7 +98,9 @@ def _code_of(error: Exception) -> int:
         )
     text = " ".join(str(error).split())
     unloaded = isinstance(error, ImportError) and "shared object" in text
-    if isinstance(error, MemoryError) or unloaded or text == "can't start new thread":
+    # short of memory libraries fail in ways of their own: threads, OpenGL and MuJoCo's compiler by RuntimeError
+    exhausted = isinstance(error, RuntimeError) and free_memory() < SHORT_OF_MEMORY
+    if isinstance(error, MemoryError) or unloaded or exhausted:
         kind = "a library cannot be loaded" if unloaded else "out of memory"
         return _fail(f"{kind}{f' ({text})' if text else ''}: ask for less, or free memory", 2)
     raise error

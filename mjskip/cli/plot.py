@@ -8,7 +8,6 @@ import click
 
 from mjskip.cli.console import err
 from mjskip.draw.plot import plot_runs
-from mjskip.sweeps.job import RESULTS
 from mjskip.sweeps.plot import plot_sweep
 from mjskip.sweeps.store import is_sweep, open_sweep
 from mjskip.throws.trajectory import Trajectory
@@ -21,10 +20,9 @@ from mjskip.throws.trajectory import Trajectory
     metavar="FILE", help="Where to: .png, .svg or .pdf.",
 )  # fmt: skip
 @click.option(
-    "--result", type=click.Choice(list(RESULTS)), default="skips", show_default=True,
-    help="Of a sweep: what to draw.",
+    "--result", metavar="NAME", help="Of a sweep: what to draw.  [default: skips, or the first]",
 )  # fmt: skip
-def plot(runs: tuple[Path, ...], output: Path, result: str) -> None:
+def plot(runs: tuple[Path, ...], output: Path, result: str | None) -> None:
     """Draw what `mjskip run --save` wrote: paths, speed, attitude and energy; several overlay.
 
     Or what `mjskip sweep --save` wrote: a map, a curve with its spread or a cloud of points.

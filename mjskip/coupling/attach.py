@@ -14,9 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip._typing import Array
-from mjskip.checks import check_type, fault
+from mjskip.checks import check_array, check_count, check_type, fault
 from mjskip.coupling import callback
-from mjskip.coupling.bodies import body_name, find_body
+from mjskip.coupling.bodies import body_id, body_name, find_body
 from mjskip.coupling.plugin import plugin_water
 from mjskip.coupling.records import make_record, physical_warnings, too_large_step
 from mjskip.coupling.sea import (
@@ -67,7 +67,21 @@ class Coupling:
         native: bool = True,
         sea: Sea | None = None,
     ) -> None:
-        """Choose what is wet and prepare it; `open` lets the water act."""
+        """Choose what is wet and prepare it; `open` lets the water act.
+
+        Args:
+            model: compiled.
+            data: in which loads are set back when the water stops acting; may be None.
+            water: the fluid.
+            bodies, geoms: what is wet, see `mjskip.attach`.
+            options: how hulls are made.
+            native: False for a callback in Python.
+            sea: waves and current about bodies that radiate.
+
+        Raises:
+            ValueError: an argument is not allowed.
+            SceneError: the model lacks what is asked for.
+        """
         _check_arguments(model, data, water)
         _check_sea(model, water, sea, native)
         self.model, self.water = model, water
@@ -139,11 +153,28 @@ class Coupling:
         return attach_surface(floating, self.water, sea or calm, timestep=float(model.opt.timestep))
 
     def elevation(self, data: mujoco.MjData, points: npt.ArrayLike) -> Array:
-        """Height of the surface at points (n, 2): the sea and the waves that bodies make, 0 if they do not [m]."""
+        """Height of the surface (n,) [m]: the sea and the waves that bodies make; 0 if they make none.
+
+        Args:
+            data: of the attached model.
+            points: horizontal places (n, 2) [m].
+        """
         self._check_data(data)
         if self.surface is None:
-            return np.zeros(len(np.atleast_2d(np.asarray(points, dtype=np.float64))))
+            return np.zeros(len(np.atleast_2d(check_array("points", points))))
         return self.surface.elevation(self.surface.state_of(data), points)
+
+    def grid_elevation(self, data: mujoco.MjData, x: Array, y: Array) -> Array:
+        """The same at the points of a grid, quickly: (nx, ny) [m].
+
+        Args:
+            data: of the attached model.
+            x, y: axes of the grid (nx,) and (ny,) [m].
+        """
+        self._check_data(data)
+        if self.surface is None:
+            return np.zeros((len(x), len(y)))
+        return self.surface.grid_elevation(self.surface.state_of(data), x, y)
 
     def __repr__(self) -> str:
         names = [body_name(self.model, body) for body in self.bodies]
@@ -274,7 +305,7 @@ class Coupling:
 
         Args:
             function: its address.
-            context: handed to it; must stay alive.
+            context: numbers of any shape and unit that it is given the address of; must stay alive.
         """
         self._entry.replace_loads(function, context)
 
@@ -290,7 +321,11 @@ class Coupling:
         return self._wrench(data, self._index(body))
 
     def wrenches(self, data: mujoco.MjData) -> dict[str, Wrench]:
-        """Wrench on every wet body, by name, or by number where it has none."""
+        """Wrench on every wet body, by name, or by number where it has none.
+
+        Args:
+            data: pose and motion.
+        """
         return {
             body_name(self.model, body): self._wrench(data, k) for k, body in enumerate(self.bodies)
         }
@@ -343,7 +378,13 @@ class Coupling:
         )
 
     def triangles(self, data: mujoco.MjData, body: int | str | None = None) -> Array:
-        """Corners (n, 3, 3) of all hulls of a tree in the pose of `data`, world [m]."""
+        """Corners (n, 3, 3) of all hulls of a tree, world [m].
+
+        Args:
+            data: the pose.
+            body: name or id of a body of the tree; the first wet body's if None.
+        """
+        self._check_data(data)
         _, rows = self._tree(body)
         placed = [
             self.hulls[k].triangles @ data.xmat[self.bodies[k]].reshape(3, 3).T
@@ -353,7 +394,13 @@ class Coupling:
         return np.concatenate(placed)
 
     def report(self, data: mujoco.MjData | None = None) -> Any:
-        """What is wet and why, body by body: see `mjskip.coupling.report.Report`."""
+        """What is wet and why, body by body: see `mjskip.coupling.report.Report`.
+
+        Args:
+            data: the pose; `qpos0` if None.
+        """
+        if data is not None:
+            self._check_data(data)
         from mjskip.coupling.report import report_of
 
         return report_of(self, data)
@@ -362,12 +409,10 @@ class Coupling:
         """Root of a tree, and the rows of its wet bodies."""
         if body is None:
             body = self.bodies[0]
-        elif isinstance(body, str):
-            body = find_body(self.model, body)
-        root = int(self.model.body_rootid[body])
+        root = int(self.model.body_rootid[body_id(self.model, body)])
         rows = [k for k, b in enumerate(self.bodies) if int(self.model.body_rootid[b]) == root]
         if not rows:
-            raise SceneError(f"no body of the tree of {body_name(self.model, body)!r} is in water")
+            raise SceneError(f"no body of the tree of {body_name(self.model, root)!r} is in water")
         return root, rows
 
     def _index(self, body: int | str) -> int:
@@ -382,6 +427,9 @@ class Coupling:
         has = ", ".join(f"{body_name(self.model, b)!r} ({b})" for b in self.bodies)
         raise SceneError(f"body {body!r} is not attached: the water acts on {has}")
 
+    def _row(self, k: int) -> int:
+        return check_count("k", k, low=0, high=len(self.bodies) - 1)
+
     def _check_data(self, data: mujoco.MjData) -> None:
         check_type("data", data, mujoco.MjData, "give the mujoco.MjData of the attached model")
         if not _same_model(self.model, data.model):
@@ -390,7 +438,14 @@ class Coupling:
             )
 
     def centre(self, data: mujoco.MjData, k: int) -> Array:
-        """Centre of mass of the welded bodies in row k (3,), world [m]."""
+        """Centre of mass of welded bodies (3,), world [m].
+
+        Args:
+            data: of the attached model.
+            k: row of the wet body, as in `bodies`.
+        """
+        self._check_data(data)
+        k = self._row(k)
         body = self.bodies[k]
         return np.asarray(data.xpos[body] + data.xmat[body].reshape(3, 3) @ self.inertias[k].centre)
 
@@ -405,7 +460,14 @@ class Coupling:
         return found if load is None else replace(found, force=load[:3], torque=load[3:])
 
     def state(self, data: mujoco.MjData, k: int) -> Array:
-        """State (1, 18) for the force kernel of the wet body in row k."""
+        """State (1, 18) of a wet body, for the force kernel: SI units, see `mjskip.rigid.state`.
+
+        Args:
+            data: of the attached model.
+            k: row of the wet body, as in `bodies`.
+        """
+        self._check_data(data)
+        k = self._row(k)
         body = self.bodies[k]
         velocity = np.empty(6)
         mujoco.mj_objectVelocity(self.model, data, mujoco.mjtObj.mjOBJ_BODY, body, velocity, 0)

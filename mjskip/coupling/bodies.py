@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 
 from mjskip._typing import Array
+from mjskip.checks import as_number, fault
 from mjskip.errors import MeshError, SceneError
 from mjskip.hydro import primitives
 from mjskip.rigid.attitude import matrices
@@ -60,6 +61,23 @@ def find_body(model: mujoco.MjModel, name: str) -> int:
         has = ", ".join(body_name(model, b) for b in free_bodies(model)) or "none"
         raise SceneError(f"no body named {name!r}: the free bodies of this scene are: {has}")
     return int(body)
+
+
+def body_id(model: mujoco.MjModel, body: str | int) -> int:
+    """Id of a body that is given by its name or by its id.
+
+    Raises:
+        ValueError: it is neither.
+        SceneError: there is no such body that can move.
+    """
+    if isinstance(body, str):
+        return find_body(model, body)
+    number = as_number(body)
+    if number is None or number != number // 1.0:
+        raise fault("body", body, "give the name or the id of a body")
+    if not 0 < number < model.nbody:
+        raise SceneError(f"no body {body!r}: ids of bodies go from 1 to {model.nbody - 1}")
+    return int(number)
 
 
 def body_geoms(model: Any, body: int) -> range:

@@ -12,7 +12,7 @@ import numpy as np
 from mjskip._typing import Array
 from mjskip.checks import check_type
 from mjskip.coupling.attach import Coupling
-from mjskip.coupling.bodies import body_name, find_body, free_bodies
+from mjskip.coupling.bodies import body_id, body_name, free_bodies
 from mjskip.coupling.plugin import plugin_settings
 from mjskip.coupling.selection import BodyRule, GeomRule
 from mjskip.coupling.wet import HullOptions, Interior
@@ -23,7 +23,7 @@ from mjskip.hydro.water import Water
 from mjskip.rigid.attitude import matrices, quaternions
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class ModelFlotation(Flotation):
     """A free tree of a model at rest in still water, its joints as they are.
 
@@ -90,8 +90,7 @@ def tree_root(model: mujoco.MjModel, body: str | int | None) -> int:
     if body is None:
         root = free[0] if free else 0
     else:
-        number = find_body(model, body) if isinstance(body, str) else int(body)
-        root = int(model.body_rootid[number])
+        root = int(model.body_rootid[body_id(model, body)])
     if root not in free:
         raise SceneError(
             "only what has a free joint floats: name a body of a tree whose root has one"

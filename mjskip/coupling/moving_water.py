@@ -15,7 +15,6 @@ from mjskip._compile.pointers import address_of_cfunc
 from mjskip._typing import Array
 from mjskip.checks import check_choice, check_number, check_positive
 from mjskip.hydro import _block as hydro
-from mjskip.waves._window_kernels import STENCIL
 from mjskip.waves.coupling import (
     LOAD_RADIUS,
     PROFILE_PER_RADIUS_SQUARED,
@@ -23,7 +22,6 @@ from mjskip.waves.coupling import (
     split_block,
     wave_profile,
 )
-from mjskip.waves.window import largest_timestep, water_of
 
 SurfaceKind = Literal["still", "waves", "deep"]
 SURFACES: tuple[SurfaceKind, ...] = get_args(SurfaceKind)
@@ -109,6 +107,8 @@ class MovingWater:
         return int(kernels.state_size.py_func(self.cells)) if self.moves else 0  # type: ignore[attr-defined]
 
     def _water(self, *, density: float, gravity: float) -> Array:
+        from mjskip.waves.window import water_of  # its transforms take as long to import as MuJoCo
+
         assert self.surface != "still"
         return water_of(
             self.surface, cells=max(self.cells, MIN_CELLS), spacing=self.spacing, gravity=gravity,
@@ -119,6 +119,8 @@ class MovingWater:
     def record(self, *, density: float, gravity: float) -> Array:
         """What `_moving_kernels` knows the surface by."""
         from mjskip.coupling import _moving_kernels as kernels
+        from mjskip.waves._window_kernels import STENCIL
+        from mjskip.waves.window import largest_timestep
 
         head = np.zeros(kernels.SURFACE)
         head[kernels.ARROWS] = self.arrows

@@ -42,6 +42,7 @@ area [m^2], of every wet body of the instance in turn.
 from __future__ import annotations
 
 import ctypes
+import sys
 import threading
 import warnings
 import weakref
@@ -154,6 +155,12 @@ def plugin_water(model: mujoco.MjModel, body: int) -> Water | None:
     """The water that the plugin puts on a body of a compiled model; None if it puts none there."""
     settings = plugin_settings(model, body)
     return None if settings is None else settings.water
+
+
+def plugin_instances(model: mujoco.MjModel) -> list[int]:
+    """Numbers of this plugin's instances in a compiled model."""
+    slot = _slot()
+    return [n for n in range(model.nplugin) if slot >= 0 and model.plugin[n] == slot]
 
 
 def instance_options(model: mujoco.MjModel, instance: int) -> tuple[MovingWater, Water, float]:
@@ -382,6 +389,7 @@ def _answer(model: int, address: int, _unused: int) -> None:
         if settings.water.radiation:
             _link_sea()
         if what == kernels.CONFIGURATION:
+            _warn_of_mjx()
             _check_sensors(view, instance, settings)
         elif what == kernels.WARNINGS:
             _warn_of_instance(view, instance, settings)
@@ -596,6 +604,22 @@ def _warn_of_instance(view: Any, instance: int, settings: PluginSettings) -> Non
         if text not in _told:
             _told.append(text)
             warnings.warn(text, MjskipWarning, stacklevel=2)
+
+
+MJX = (
+    f"MJX is loaded, which drops plugin {NAME} without a word, so that what should float falls there: before every mjx.step "
+    "work out mjskip.jax.wrench and put it into xfrc_applied, see docs/routes.md; in MuJoCo itself the water acts"
+)
+
+
+def _warn_of_mjx() -> None:
+    """Warn once that MJX knows no plugins, to those who load a model with this one after MJX.
+
+    `mjx.put_model` reads the compiled model's arrays and calls nothing of MuJoCo's, so no warning can be given there.
+    """
+    if "mujoco.mjx" in sys.modules and MJX not in _told:
+        _told.append(MJX)
+        warnings.warn(MJX, MjskipWarning, stacklevel=2)
 
 
 def _warn_of_step(view: Any, body: int, key: int) -> None:

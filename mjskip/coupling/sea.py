@@ -134,15 +134,34 @@ class SeaSurface:
         The bodies' waves fade towards twice the reach, beyond which the modes say nothing of them.
         """
         xy = np.atleast_2d(np.asarray(points, dtype=np.float64))[:, :2]
-        time = float(state[afloat_kernels.TIME])
-        origin = state[[afloat_kernels.ORIGIN_X, afloat_kernels.ORIGIN_Y]]
-        away = np.linalg.norm(xy - origin, axis=1) / self.modes.reach
-        near = away < FADE_RANGE
-        heights = self.sea.elevation(xy, time)
-        fade = np.clip((FADE_RANGE - away[near]) / (FADE_RANGE - 1.0), 0.0, 1.0)
-        own = self.modes.elevation(self.amplitudes(state), xy[near] - origin)
-        heights[near] += fade * fade * (3.0 - 2.0 * fade) * own
+        relative = xy - self._origin(state)
+        fade = self._fade(relative)
+        near = fade > 0.0
+        heights = self.sea.elevation(xy, float(state[afloat_kernels.TIME]))
+        heights[near] += fade[near] * self.modes.elevation(self.amplitudes(state), relative[near])
         return heights
+
+    def grid_elevation(self, state: Array, x: Array, y: Array) -> Array:
+        """The same at the points of a grid with axes x (nx,) and y (ny,) [m], quickly: (nx, ny) [m]."""
+        heights = self.sea.grid_elevation(x, y, float(state[afloat_kernels.TIME]))
+        east, north = (at - o for at, o in zip((x, y), self._origin(state), strict=True))
+        fade = self._fade(np.stack(np.meshgrid(east, north, indexing="ij"), axis=-1))
+        (i,), (j,) = (np.nonzero(fade.any(axis=axis)) for axis in (1, 0))
+        if len(i):
+            part = np.ix_(i, j)
+            made = self.modes.grid_elevation(self.amplitudes(state), east[i], north[j])
+            heights[part] += fade[part] * made
+        return heights
+
+    def _origin(self, state: Array) -> Array:
+        """About which the modes are written (2,) [m]."""
+        return state[[afloat_kernels.ORIGIN_X, afloat_kernels.ORIGIN_Y]]
+
+    def _fade(self, relative: Array) -> Array:
+        """Share of the bodies' waves that is shown at places (..., 2) relative to the origin [m]."""
+        away = np.linalg.norm(relative, axis=-1) / self.modes.reach
+        share = np.clip((FADE_RANGE - away) / (FADE_RANGE - 1.0), 0.0, 1.0)
+        return np.asarray(share * share * (3.0 - 2.0 * share))
 
 
 FADE_RANGE = 2.0

@@ -16,8 +16,8 @@ import numpy as np
 from mjskip.coupling.bodies import (
     SOLIDS,
     body_geoms,
+    body_id,
     body_name,
-    find_body,
     free_bodies,
     geom_name,
     kind_name,
@@ -176,7 +176,7 @@ def _heads(model: mujoco.MjModel, rule: BodyRule) -> list[int]:
             )
         ]
         return found or _nothing(f"no body that moves has a geom of group {sorted(groups)}")
-    if callable(rule):
+    if callable(rule) and not isinstance(rule, type):
         found = [body for body in moving if rule(model, body)]
         return found or _nothing("bodies= chooses no body that moves")
     return [_body(model, item) for item in _items("bodies", rule)]
@@ -187,9 +187,7 @@ def _nothing(why: str) -> list[int]:
 
 
 def _body(model: mujoco.MjModel, item: str | int) -> int:
-    body = find_body(model, item) if isinstance(item, str) else int(item)
-    if not 0 < body < model.nbody:
-        raise SceneError(f"no body {item!r}: ids of bodies go from 1 to {model.nbody - 1}")
+    body = body_id(model, item)
     if int(model.body_weldid[body]) == 0:
         raise SceneError(
             f"body {body_name(model, body)!r} is fixed to the world: water cannot move it; name a body with "
@@ -209,7 +207,7 @@ def geom_rule(model: Any, rule: GeomRule, bodies: Sequence[int]) -> Callable[[in
     groups = _groups("geoms", rule)
     if groups is not None:
         return lambda geom: int(model.geom_group[geom]) in groups
-    if callable(rule):
+    if callable(rule) and not isinstance(rule, type):
         return lambda geom: bool(rule(model, geom))
     there = [geom for body in bodies for geom in body_geoms(model, body)]
     names = {str(model.geom(geom).name): geom for geom in there}

@@ -12,10 +12,17 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip._typing import Array
-from mjskip.checks import check_names, check_number, check_positive, check_type, fault
+from mjskip.checks import check_names, check_number, check_positive, check_switch, check_type, fault
 from mjskip.coupling import _moving_kernels as moving
 from mjskip.coupling.moving_water import MovingWater, SurfaceKind
-from mjskip.coupling.plugin import NAME, instance_options, register_plugin
+from mjskip.coupling.plugin import (
+    NAME,
+    instance_options,
+    plugin_instances,
+    plugin_surface,
+    register_plugin,
+)
+from mjskip.coupling.sea import SeaSurface, plugin_state
 from mjskip.errors import SceneError
 from mjskip.hydro.seas import Sea
 from mjskip.hydro.water import Water
@@ -60,6 +67,8 @@ def add_water(
         surface=surface, size=size, spacing=spacing, depth=depth, wave_speed=wave_speed,
         damping=damping, tension=tension, load_radius=load_radius, arrows=arrows,
     )  # fmt: skip
+    check_type("name", name, str, "give a name for the plugin's instance")
+    check_switch("sensor", sensor)
     Sea.from_text(sea)
     chosen = _chosen(spec, bodies)
     register_plugin()
@@ -159,10 +168,10 @@ class WaterSurface:
         return float(self._state[window.LEFT_VOLUME]), float(self._state[window.LEFT_ENERGY])
 
     def elevation(self, x: npt.ArrayLike, y: npt.ArrayLike) -> Array:
-        """Elevation at places [m], bilinear; 0 outside of the square.
+        """Elevation at places [m], in the shape of these, bilinear; 0 outside of the square.
 
         Args:
-            x, y: of any one shape [m].
+            x, y: scalars, or arrays of one shape [m].
 
         Raises:
             ValueError: a place is not a finite number.
@@ -189,14 +198,17 @@ class WaterSurface:
             radius: of its bump [m]; the instance's load_radius if omitted, a cell at least.
 
         Raises:
-            ValueError: a value is not finite, or the radius is smaller than a cell.
+            ValueError: a value is not finite, or the radius is smaller than a cell or larger than the square.
         """
         radius = self._radius if radius is None else radius
         for name, value in (("x", x), ("y", y), ("impulse", impulse)):
             check_number(name, value)
         check_positive(radius=radius)
-        if radius < self.spacing:
-            raise fault("radius", radius, f"give a cell at least, {self.spacing:g} m")
+        width = self._cells * self.spacing
+        if not self.spacing <= radius <= width:
+            raise fault(
+                "radius", radius, f"give {self.spacing:g} m (a cell) to {width:g} m (the square)"
+            )
         side = math.floor(2.0 * radius / self.spacing) + 1
         face, spot = np.zeros((1, coupling.FACE)), np.zeros((1, coupling.SPOT + side * side))
         face[0, coupling.POINT_X], face[0, coupling.POINT_Y] = x, y
@@ -208,3 +220,44 @@ class WaterSurface:
         self._potential += push
         window.apply_operator(self._water, self._potential.copy(), self.rate)
         self._state[window.STATE + 3 * self._cells**2 + moving.DISTURBED] = 1.0
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        """Middle of the square, which moves with the bodies [m]."""
+        x, y = self.origin
+        half = 0.5 * (self._cells - 1) * self.spacing
+        return x + half, y + half
+
+
+class PluginSea:
+    """The sea of an instance of the plugin about bodies that radiate, in any data of its model.
+
+    Attributes:
+        surface: as it was prepared.
+    """
+
+    def __init__(self, model: mujoco.MjModel, instance: int) -> None:
+        """Of an instance that has the key radiation."""
+        self.surface: SeaSurface = plugin_surface(model, instance)
+        self._model, self._instance = model, instance
+
+    def elevation(self, data: mujoco.MjData, points: npt.ArrayLike) -> Array:
+        """Height of the surface at points (n, 2) [m]: the sea, and the waves that bodies make."""
+        return self.surface.elevation(plugin_state(self._model, data, self._instance), points)
+
+    def grid_elevation(self, data: mujoco.MjData, x: Array, y: Array) -> Array:
+        """The same at the points of a grid with axes x (nx,) and y (ny,) [m], quickly: (nx, ny) [m]."""
+        state = plugin_state(self._model, data, self._instance)
+        return self.surface.grid_elevation(state, x, y)
+
+
+def model_surface(model: mujoco.MjModel, data: mujoco.MjData) -> WaterSurface | PluginSea | None:
+    """The moving water that a model brings by the plugin, of the first instance that has any; None if it is still."""
+    for index in plugin_instances(model):
+        options, water, _ = instance_options(model, index)
+        if water.radiation:
+            return PluginSea(model, index)
+        if options.moves:
+            name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_PLUGIN, index)
+            return WaterSurface(model, data, instance=name or "")
+    return None

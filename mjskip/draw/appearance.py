@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mjskip._typing import Image
+from mjskip.checks import check_array, check_number, fault
 
 RIPPLE_SIDE = 2.56
 """Side of a tile of ripples [m]; `water.glsl` knows it too."""
@@ -40,12 +41,12 @@ class WaterAppearance:
 
     def __post_init__(self) -> None:
         for name, highest in (("absorption", math.inf), ("scattered", 1.0)):
-            value = getattr(self, name)
-            if len(value) != 3 or not all(0.0 <= part <= highest for part in value):
-                limit = "at least 0" if highest == math.inf else "from 0 to 1"
-                raise ValueError(f"{name} is {value!r}: give red, green and blue, {limit}")
-        if not 0.0 <= self.wind <= 10.0:
-            raise ValueError(f"wind is {self.wind!r}: give a number from 0 to 10")
+            limit = "at least 0" if highest == math.inf else "from 0 to 1"
+            remedy = f"give red, green and blue, {limit}"
+            value = check_array(name, getattr(self, name), 3, remedy=remedy)
+            if not ((value >= 0.0) & (value <= highest)).all():
+                raise fault(name, getattr(self, name), remedy)
+        check_number("wind", self.wind, low=0.0, high=10.0)
 
 
 @functools.cache

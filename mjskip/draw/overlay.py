@@ -11,7 +11,7 @@ from mjskip._typing import Array, Image, SingleArray
 from mjskip.draw._draw_kernels import stroke
 from mjskip.draw.eye import PinholeCamera
 from mjskip.rigid.attitude import matrices
-from mjskip.throws.trajectory import Trajectory
+from mjskip.throws.trajectory import Trajectory, pose_at
 
 TRAIL = 0.35
 """How long the trail stays [s]."""
@@ -101,7 +101,12 @@ class Overlay:
 
 
 def numbers_at(flight: Trajectory, time: float) -> str:
-    """Speed, spin and skips so far, as a line; when the flight is over, only how it was."""
+    """Speed, spin and skips so far, as a line; when the flight is over, only how it was. Of what floats: its attitude."""
+    if flight.attributes.get("afloat"):
+        now = min(time, float(flight.time[-1]))
+        up = matrices(pose_at(flight, now)[1])[2]
+        trim, heel = (math.degrees(math.asin(min(max(u, -1.0), 1.0))) + 0.0 for u in up[:2])
+        return f"{now:.1f} s  ·  trim {trim:+.1f}°  ·  heel {heel:+.1f}°"
     skips = sum(1 for c in flight.contacts if c.exit is not None and c.exit.time <= time)
     skips = min(skips, flight.skips)
     counted = f"{skips} skip{'' if skips == 1 else 's'}"

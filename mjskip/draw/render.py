@@ -13,6 +13,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from mjskip._typing import Array, Image
+from mjskip.checks import check_path
 from mjskip.draw.forces import draw_loads, loads_at
 from mjskip.draw.gl import gl_renderer as gl_renderer
 from mjskip.draw.gl import is_software as is_software
@@ -63,9 +64,9 @@ class Shot:
         slow: how many times slower than it was; 1 is its own speed.
         look: "shaded", or "plain" which is quicker.
         linger: how long the film goes on with the rings after the throw is over [s of film].
-        trail: whether the stone's path fades behind it.
-        marks: whether a ring stays where it touched.
-        caption: whether speed, spin and skips are written into the corner.
+        trail: whether the stone's path fades behind it; not of what floats.
+        marks: whether a ring stays where it touched; not of what floats.
+        caption: whether speed, spin and skips, or of what floats time, trim and heel, are written into the corner.
         spray: whether drops fly; drawn only, see `mjskip.draw.spray`.
         forces: whether arrows of the forces, wetted faces and centres of buoyancy are drawn over it.
 
@@ -147,9 +148,9 @@ def render_video(
         slow: how many times slower than it was; 1 is its own speed.
         look: "shaded", or "plain" which is quicker.
         linger: how long the film goes on with the rings after the throw is over [s of film].
-        trail: whether the stone's path fades behind it.
-        marks: whether a ring stays where it touched.
-        caption: whether speed, spin and skips are written into the corner.
+        trail: whether the stone's path fades behind it; not of what floats.
+        marks: whether a ring stays where it touched; not of what floats.
+        caption: whether speed, spin and skips, or of what floats time, trim and heel, are written into the corner.
         spray: whether drops fly; drawn only, see `mjskip.draw.spray`.
         forces: whether arrows of the forces, wetted faces and centres of buoyancy are drawn over it.
         progress: called with the frames done and to do.
@@ -162,7 +163,7 @@ def render_video(
         SceneError: the scene has no such camera or body.
         RenderError: OpenGL or the encoder is missing or fails.
     """
-    path = Path(path)
+    path = check_path("path", path)
     check_video_path(path)
     shot = Shot(
         camera=camera, size=size, fps=fps, slow=slow, look=look, linger=linger, trail=trail,
@@ -264,6 +265,7 @@ def _play(
     overlays = [
         Overlay(flight, trail=plan.trail, marks=plan.marks, number=number)
         for number, flight in enumerate(flights.values())
+        if not flight.attributes.get("afloat")
     ]
     with contextlib.closing(stage):
         for time, centre in zip(times.tolist(), centres, strict=True):

@@ -11,6 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip._typing import Array, Flags, SingleArray
+from mjskip.checks import check_count, check_switch, check_type
+from mjskip.coupling.water_surface import PluginSea, WaterSurface, model_surface
 from mjskip.draw import tiles
 from mjskip.draw.appearance import WaterAppearance
 from mjskip.draw.geoms import (
@@ -80,7 +82,8 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
             max_geom: as `mujoco.Renderer`'s.
             font_scale: as `mujoco.Renderer`'s.
             water: a coupling of bodies and water, a `HeightField`, a recording of a surface, an
-                array (nx, ny) of heights [m], or None for still water at z = 0.
+                array (nx, ny) of heights [m], or None for the moving water that the model brings by the
+                plugin, or else still water at z = 0.
             spacing: side of a cell of an array [m].
             centre: of an array (x, y) [m].
             appearance: of the water.
@@ -93,14 +96,23 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         self._gl_context: Any = None  # both are the base class's, and what `close` looks for
         self._mjr_context: Any = None
         self._passes: WaterPasses | None = None
+        check_type(
+            "model", model, mujoco.MjModel, "give what mujoco.MjModel.from_xml_path(file) makes"
+        )
+        height, width = check_count("height", height), check_count("width", width)
+        max_geom = check_count("max_geom", max_geom, high=2**31 - 1)
+        check_type("font_scale", font_scale, mujoco.mjtFontScale, "give a mujoco.mjtFontScale")
+        if appearance is not None:
+            check_type("appearance", appearance, WaterAppearance)
         self.appearance = appearance or WaterAppearance()
-        self.linear = linear
+        self.linear = check_switch("linear", linear)
         self._spacing, self._centre = spacing, centre
         self.water = water
         self.spray: tuple[SingleArray, SingleArray] | None = None
         self._surroundings: Surroundings | None = None
         self._time = 0.0
         self._data: Any = None
+        self._brought: WaterSurface | PluginSea | None = None
         self._patch((0.0, 0.0))
         if not shaders_work():
             raise RenderError(
@@ -132,8 +144,16 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         camera: int | str | mujoco.MjvCamera = -1,
         scene_option: mujoco.MjvOption | None = None,
     ) -> None:
-        """Gather what a camera sees, as `mujoco.Renderer.update_scene`."""
+        """Gather what a camera sees, as `mujoco.Renderer.update_scene`.
+
+        Args:
+            data: of the renderer's model.
+            camera: name, id, -1 for the free one, or a `mujoco.MjvCamera`.
+            scene_option: what is drawn.
+        """
         super().update_scene(data, camera, scene_option)
+        if self._data is not data:
+            self._brought = model_surface(self._model, data)
         self._usual = scene_option is None
         self._time, self._data = float(data.time), data
         self._bodies = self._ellipsoids.rows(data)
@@ -146,6 +166,13 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
 
     def render(self, *, out: npt.NDArray[Any] | None = None) -> npt.NDArray[Any]:
         """The picture, depth or segmentation, as `mujoco.Renderer.render`.
+
+        Args:
+            out: to write to instead, of the same shape and kind as what is returned.
+
+        Returns:
+            (height, width, 3) colours from 0 to 255; depth (height, width) [m]; or segmentation
+            (height, width, 2) of object ids and types.
 
         Raises:
             RuntimeError: the renderer is closed.
@@ -252,7 +279,7 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
     def _patch(self, focus: tuple[float, float]) -> Patch:
         """What is drawn of the water now."""
         return patch_of(
-            self.water, focus=focus, time=self._time, spacing=self._spacing, centre=self._centre,
+            self._brought if self.water is None else self.water, focus=focus, time=self._time, spacing=self._spacing, centre=self._centre,
             data=self._data,
         )  # fmt: skip
 

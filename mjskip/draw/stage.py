@@ -147,7 +147,9 @@ class Stage:
         wet = {
             self._thrown[name]
             for name, flight in self._flights.items()
-            if flight.contacts and time > flight.contacts[0].entry.time
+            if flight.contacts
+            and time > flight.contacts[0].entry.time
+            and not flight.attributes.get("afloat")
         }
         scene = self._renderer.scene
         for geom in scene.geoms[: scene.ngeom] if wet else ():
@@ -158,6 +160,9 @@ class Stage:
                 geom.rgba[:3] *= _WET
 
     def _put_stones(self, time: float) -> None:
+        flight = self._flights[self._focus]
+        if flight.qpos is not None and flight.qpos.shape[1] == self.model.nq:
+            self.data.qpos[:] = _coordinates_at(self.model, flight.time, flight.qpos, time)
         for name, flight in self._flights.items():
             position, attitude = pose_at(flight, time)
             body = self.model.body(name)
@@ -180,6 +185,18 @@ class Stage:
         if int(self.model.cam_mode[self._camera]) not in map(int, following):
             return None
         return float(self.data.cam_xpos[self._camera, 2])
+
+
+def _coordinates_at(model: Any, times: Array, qpos: Array, time: float) -> Array:
+    """Coordinates (nq,) between two rows; held beyond the ends."""
+    k = int(np.clip(np.searchsorted(times, time, side="right") - 1, 0, max(len(times) - 2, 0)))
+    found: Array = qpos[k].copy()
+    if len(times) > 1:
+        step, rate = float(times[k + 1] - times[k]), np.empty(model.nv)
+        mujoco.mj_differentiatePos(model, rate, step, qpos[k], qpos[k + 1])
+        part = min(max((time - float(times[k])) / step, 0.0), 1.0)
+        mujoco.mj_integratePos(model, found, rate, part * step)
+    return found
 
 
 def _rotated(vector: Array, attitude: Array) -> Array:

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip._typing import Array, SingleArray
+from mjskip.coupling.water_surface import WaterSurface
 from mjskip.draw._draw_kernels import fill_surface
 
 BLOCK = 16
@@ -74,7 +75,7 @@ def patch_of(
     Args:
         water: None for still water; an array (nx, ny) of heights [m] with its spacing; a `HeightField`;
             anything else with its `window`; a recording, which is asked for its surface at a time;
-            a coupling of bodies and water, which is asked for the height of its surface.
+            a coupling of bodies and water, which is asked for the height of its surface; a `WaterSurface`.
         focus: of water without end, the part about this point is drawn (x, y) [m].
         time: of a recording [s].
         spacing: side of a cell of an array [m].
@@ -90,10 +91,12 @@ def patch_of(
         return _patch_of_array(water, spacing, centre)
     if callable(getattr(water, "at", None)):  # a recording
         return patch_of(water.at(time), focus=focus, time=time)
-    if callable(getattr(water, "elevation", None)):  # a coupling
+    if isinstance(water, WaterSurface):
+        return Patch(water.level.astype(np.float32), water.spacing, water.centre)
+    if callable(getattr(water, "grid_elevation", None)):  # a coupling, or the plugin's sea
         if data is None or water.surface is None:
             return STILL
-        return _patch_of_sea(lambda points: water.elevation(data, points), focus)
+        return _patch_of_sea(lambda x, y: water.grid_elevation(data, x, y), focus)
     endless = getattr(water, "boundary", None) in ("endless", "periodic")
     if isinstance(water, Surface) and not endless:
         return Patch(water.elevation, water.spacing, water.centre)
@@ -107,13 +110,13 @@ def patch_of(
     )
 
 
-def _patch_of_sea(height: Callable[[Array], Array], focus: tuple[float, float]) -> Patch:
-    """A sea that gives its height at points (n, 2) [m]: the square about a point that is looked at."""
+def _patch_of_sea(heights: Callable[[Array, Array], Array], focus: tuple[float, float]) -> Patch:
+    """A sea that tells its height on a grid: the square about a point that is looked at."""
     middle = tuple(SEA_STEP * round(at / SEA_STEP) for at in focus)  # whole steps: nothing shimmers
-    axis = SEA_STEP * (np.arange(SEA) - 0.5 * (SEA - 1))
-    x, y = np.meshgrid(middle[0] + axis, middle[1] + axis, indexing="ij")
-    heights = height(np.column_stack([x.ravel(), y.ravel()])).reshape(SEA, SEA)
-    return Patch(heights.astype(np.float32), SEA_STEP, (middle[0], middle[1]))
+    axis: Array = SEA_STEP * (np.arange(SEA, dtype=np.float64) - 0.5 * (SEA - 1))
+    east: Array = np.add(middle[0], axis)
+    found = heights(east, np.add(middle[1], axis))
+    return Patch(found.astype(np.float32), SEA_STEP, (middle[0], middle[1]))
 
 
 def _patch_of_array(

@@ -15,9 +15,7 @@ from mjskip._typing import Array, Flags
 from mjskip.envs import _task_kernels as kernels
 from mjskip.envs.simulation import Rows, Simulation
 from mjskip.envs.task import Task
-from mjskip.envs.variation import Options
 from mjskip.envs.water_env import WaterEnv, WaterVectorEnv
-from mjskip.hydro.water import Water
 
 REACH = 2.0
 """The raft starts within so much of its station along x and y [m]."""
@@ -37,10 +35,13 @@ class FloatTask(Task):
     turn that is left; height of the raft's centre [m]; the vertical (3); velocity (3) [m/s]; angular velocity (3)
     [rad/s].
     Reward: -(distance [m] + 0.3 |heading error [rad]| + 0.05 mean(action^2)).
+    In a sea it makes waves and scatters those that come (`Water.radiation`), and has the form drag of law birkhoff1944; an
+    episode meets the sea at a moment that is drawn.
     Terminated: more than 8 m from the station, or capsized. Truncated after 20 s.
     """
 
     frame_skip_default = 10
+    has = frozenset({"sea"})
     camera = "shore"
 
     def spec(self) -> mujoco.MjSpec:
@@ -96,40 +97,10 @@ class FloatTask(Task):
 class FloatEnv(WaterEnv):
     """One raft, see `FloatTask`."""
 
-    def __init__(
-        self,
-        *,
-        render_mode: str | None = None,
-        frame_skip: int | None = None,
-        water: Water | Options | None = None,
-        width: int = 480,
-        height: int = 360,
-        camera: str | int | None = None,
-    ) -> None:
-        super().__init__(
-            FloatTask(frame_skip), render_mode=render_mode, width=width, height=height,
-            camera=camera, water=water,
-        )  # fmt: skip
+    task_type = FloatTask
 
 
 class FloatVectorEnv(WaterVectorEnv):
     """Many of them at once."""
 
-    def __init__(
-        self,
-        *,
-        num_envs: int = 1,
-        num_threads: int = 0,
-        max_episode_steps: int | None = None,
-        render_mode: str | None = None,
-        frame_skip: int | None = None,
-        water: Water | Options | None = None,
-        width: int = 480,
-        height: int = 360,
-        camera: str | int | None = None,
-    ) -> None:
-        super().__init__(
-            FloatTask(frame_skip), num_envs=num_envs, num_threads=num_threads,
-            max_episode_steps=max_episode_steps, render_mode=render_mode, width=width, height=height,
-            camera=camera, water=water,
-        )  # fmt: skip
+    task_type = FloatTask

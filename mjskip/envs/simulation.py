@@ -31,6 +31,9 @@ class Simulation(Protocol):
     def begin(self, rows: Rows, models: Sequence[mujoco.MjModel]) -> None:
         """Give these rows their models, and every state its default."""
 
+    def set_time(self, row: int, time: float) -> None:
+        """Let a row that has begun be at another time [s]."""
+
     def forward(self, rows: Rows) -> None:
         """Work out what follows from states that were written."""
 
@@ -70,6 +73,10 @@ class SingleSimulation:
         if models[0] is not self._model:
             self._load(models[0])
         mujoco.mj_resetData(self._model, self._data)
+
+    def set_time(self, row: int, time: float) -> None:
+        """Let it be at another time."""
+        self._data.time = time
 
     def forward(self, rows: Rows) -> None:
         """Work out what follows from the state."""
@@ -117,13 +124,28 @@ class BatchSimulation:
         self._warnings = batch.warning[:, DIVERGED, 1]
 
     def begin(self, rows: Rows, models: Sequence[mujoco.MjModel]) -> None:
-        """Give these rows their models, and every state its default."""
+        """Give these rows their models, and every state its default.
+
+        Raises:
+            ValueError: their states are not of the size that those of the batch have.
+        """
         changed = [(r, m) for r, m in zip(rows, models, strict=True) if m is not self._models[r]]
         if changed:
+            wanted = list(self._models)
             for row, model in changed:
-                self._models[row] = model
-            self._batch.set_models(self._models)
+                wanted[row] = model
+            try:
+                self._batch.set_models(wanted)
+            except mujoco.FatalError as error:
+                raise ValueError(
+                    "sea: all episodes of a batch are in still water, or all in a sea; give sea= to make_vec"
+                ) from error
+            self._models = wanted
         self._batch.reset(rows, stage=mujoco.mjtStage.mjSTAGE_NONE)
+
+    def set_time(self, row: int, time: float) -> None:
+        """Let a row be at another time."""
+        self._batch.time[row] = time
 
     def forward(self, rows: Rows) -> None:
         """Work out what follows from states that were written."""

@@ -33,7 +33,8 @@ class Task(ABC):
     """
 
     frame_skip_default: ClassVar[int]
-    has_stone: ClassVar[bool] = False
+    has: ClassVar[frozenset[str]] = frozenset()
+    """What may differ besides the water: "stone", "sea"."""
     whole_run: ClassVar[bool] = False
     """One action is one run to its end; frame_skip is then how often it is looked at."""
     camera: ClassVar[str]

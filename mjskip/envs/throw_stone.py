@@ -17,7 +17,6 @@ from mjskip.coupling.wet import body_stone
 from mjskip.envs.simulation import Rows, Sensors, Simulation
 from mjskip.envs.task import Task
 from mjskip.envs.touches import LIMITS, ThrownStones, add_contact_sensor, stone_sensors
-from mjskip.envs.variation import Options
 from mjskip.envs.water_env import WaterEnv, WaterVectorEnv
 from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
@@ -48,7 +47,7 @@ class ThrowStoneTask(Task):
     """
 
     frame_skip_default = 40
-    has_stone = True
+    has = frozenset({"stone"})
     whole_run = True
     camera = "stone"
 
@@ -156,42 +155,10 @@ class ThrowStoneEnv(WaterEnv):
         "render_fps": 50,
     }
 
-    def __init__(
-        self,
-        *,
-        render_mode: str | None = None,
-        frame_skip: int | None = None,
-        water: Water | Options | None = None,
-        stone: Options | None = None,
-        width: int = 480,
-        height: int = 360,
-        camera: str | int | None = None,
-    ) -> None:
-        super().__init__(
-            ThrowStoneTask(frame_skip), render_mode=render_mode, width=width, height=height,
-            camera=camera, water=water, stone=stone,
-        )  # fmt: skip
+    task_type = ThrowStoneTask
 
 
 class ThrowStoneVectorEnv(WaterVectorEnv):
     """Many of them at once."""
 
-    def __init__(
-        self,
-        *,
-        num_envs: int = 1,
-        num_threads: int = 0,
-        max_episode_steps: int | None = None,
-        render_mode: str | None = None,
-        frame_skip: int | None = None,
-        water: Water | Options | None = None,
-        stone: Options | None = None,
-        width: int = 480,
-        height: int = 360,
-        camera: str | int | None = None,
-    ) -> None:
-        super().__init__(
-            ThrowStoneTask(frame_skip), num_envs=num_envs, num_threads=num_threads,
-            max_episode_steps=max_episode_steps, render_mode=render_mode, width=width, height=height,
-            camera=camera, water=water, stone=stone,
-        )  # fmt: skip
+    task_type = ThrowStoneTask

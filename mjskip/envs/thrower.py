@@ -14,9 +14,7 @@ from mjskip.envs import _task_kernels as kernels
 from mjskip.envs.simulation import Rows, Sensors, Simulation
 from mjskip.envs.task import Task
 from mjskip.envs.touches import LIMITS, ThrownStones, add_contact_sensor, stone_sensors
-from mjskip.envs.variation import Options
 from mjskip.envs.water_env import WaterEnv, WaterVectorEnv
-from mjskip.hydro.water import Water
 from mjskip.throws.scene import shipped_scenes
 
 STONE_QPOS = 3
@@ -36,7 +34,7 @@ class ThrowerTask(Task):
     """
 
     frame_skip_default = 10
-    has_stone = True
+    has = frozenset({"stone"})
     camera = "stone"
 
     def spec(self) -> mujoco.MjSpec:
@@ -115,42 +113,10 @@ class ThrowerTask(Task):
 class ThrowerEnv(WaterEnv):
     """One arm, see `ThrowerTask`."""
 
-    def __init__(
-        self,
-        *,
-        render_mode: str | None = None,
-        frame_skip: int | None = None,
-        water: Water | Options | None = None,
-        stone: Options | None = None,
-        width: int = 480,
-        height: int = 360,
-        camera: str | int | None = None,
-    ) -> None:
-        super().__init__(
-            ThrowerTask(frame_skip), render_mode=render_mode, width=width, height=height,
-            camera=camera, water=water, stone=stone,
-        )  # fmt: skip
+    task_type = ThrowerTask
 
 
 class ThrowerVectorEnv(WaterVectorEnv):
     """Many of them at once."""
 
-    def __init__(
-        self,
-        *,
-        num_envs: int = 1,
-        num_threads: int = 0,
-        max_episode_steps: int | None = None,
-        render_mode: str | None = None,
-        frame_skip: int | None = None,
-        water: Water | Options | None = None,
-        stone: Options | None = None,
-        width: int = 480,
-        height: int = 360,
-        camera: str | int | None = None,
-    ) -> None:
-        super().__init__(
-            ThrowerTask(frame_skip), num_envs=num_envs, num_threads=num_threads,
-            max_episode_steps=max_episode_steps, render_mode=render_mode, width=width, height=height,
-            camera=camera, water=water, stone=stone,
-        )  # fmt: skip
+    task_type = ThrowerTask

@@ -1,4 +1,4 @@
-"""Water and stone of an episode: values, or ranges to draw them from."""
+"""Water, stone and sea of an episode: values, or ranges to draw them from."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from mjskip.checks import check_mapping, check_number, fault
 from mjskip.coupling.plugin import NAME
+from mjskip.hydro.seas import SEA_UNITS, Sea, sea_numbers, sea_text
 from mjskip.hydro.water import Water
 
 Options = Mapping[str, Any]
@@ -22,6 +23,13 @@ STONE: dict[str, tuple[float, float, str]] = {
     "density": (200.0, 20000.0, "kg/m^3"),
 }
 """What can be said of a stone: the paper's pebble, scaled, of any density."""
+
+FORM_DRAG = "birkhoff1944"
+"""Law of a raft in a sea, unless another is given: the pressure of waves is that of potential flow, and without form drag
+little but thrust would hold a drift."""
+
+WAVES = 30.0
+"""Waves of an irregular sea unless told otherwise: each costs time at every step."""
 
 PEBBLE = {"radius": 0.045, "thickness": 0.015}
 """Size of the pebble in the shipped scenes [m]."""
@@ -35,6 +43,7 @@ class Choice:
 
     water: tuple[tuple[str, Any], ...] = ()
     stone: tuple[tuple[str, float], ...] = ()
+    sea: tuple[tuple[str, float], ...] | None = None
 
 
 class Variation:
@@ -43,14 +52,21 @@ class Variation:
     Args:
         water: fields of `Water`; a number may be a range (low, high). A `Water` gives all of them.
         stone: radius [m], thickness [m], density [kg/m^3]; each may be a range.
-        has_stone: whether the environment has one.
+        sea: keys of `mjskip.hydro.seas.SEA_UNITS`, SI and radians; each may be a range. Or a text for `Sea.from_text`. None
+            for still water; nothing in it for calm water in which bodies make waves.
+        has: "stone" and "sea" if the environment has them.
 
     Raises:
         ValueError: an unknown key or a value that is not allowed.
     """
 
     def __init__(
-        self, water: Water | Options | None, stone: Options | None, *, has_stone: bool
+        self,
+        water: Water | Options | None,
+        stone: Options | None,
+        sea: Options | str | None,
+        *,
+        has: frozenset[str],
     ) -> None:
         if isinstance(water, Water):
             water = asdict(water)
@@ -58,10 +74,23 @@ class Variation:
         self._stone = dict(
             check_mapping("stone", stone or {}, f"give a mapping with {', '.join(STONE)}")
         )
-        if self._stone and not has_stone:
+        if self._stone and "stone" not in has:
             raise fault("stone", self._stone, "leave it out, this environment has no stone")
+        if sea is not None and "sea" not in has:
+            raise fault("sea", sea, "leave it out, this environment has no sea")
+        if isinstance(sea, str):
+            sea = sea_numbers(sea)
+        self._sea = (
+            None
+            if sea is None
+            else dict(check_mapping("sea", sea, 'give its keys, or a text as "hs=0.1 tp=2.5"'))
+        )
         _check_keys("water", self._water, {field.name for field in fields(Water)})
         _check_keys("stone", self._stone, set(STONE))
+        _check_keys("sea", self._sea or {}, set(SEA_UNITS))
+        for key, value in (self._sea or {}).items():
+            low = -math.inf if SEA_UNITS[key] in ("rad", "m s-1") else 0.0
+            _check_range(f"sea {key}", value, low, math.inf, SEA_UNITS[key].strip("1"))
         for key, value in self._water.items():
             if key in WATER_NUMBERS:
                 _check_range(f"water {key}", value, 0.0, math.inf, "")
@@ -74,7 +103,13 @@ class Variation:
         water = {key: _drawn(self._water[key], rng) for key in sorted(self._water)}
         stone = {key: float(_drawn(self._stone[key], rng)) for key in sorted(self._stone)}
         Water(**water)
-        return Choice(tuple(water.items()), tuple(stone.items()))
+        if self._sea is None:
+            return Choice(tuple(water.items()), tuple(stone.items()))
+        sea = {key: float(_drawn(self._sea[key], rng)) for key in sorted(self._sea)}
+        if "hs" in sea:
+            sea.setdefault("components", WAVES)
+        Sea.from_text(sea_text(sea))
+        return Choice(tuple(water.items()), tuple(stone.items()), tuple(sea.items()))
 
 
 def apply(choice: Choice, spec: mujoco.MjSpec) -> None:
@@ -82,6 +117,9 @@ def apply(choice: Choice, spec: mujoco.MjSpec) -> None:
     for plugin in spec.plugins:
         if plugin.plugin_name == NAME:
             config = {key: _text(value) for key, value in choice.water}
+            if choice.sea is not None:
+                config |= {"radiation": "true", "sea": sea_text(dict(choice.sea))}
+                config.setdefault("law", FORM_DRAG)
             plugin.config = {**plugin.config, **config}
     stone = dict(choice.stone)
     if stone.keys() & PEBBLE.keys():

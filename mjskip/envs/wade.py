@@ -14,9 +14,7 @@ from mjskip._typing import Array, Flags
 from mjskip.envs import _task_kernels as kernels
 from mjskip.envs.simulation import Rows, Simulation
 from mjskip.envs.task import Task
-from mjskip.envs.variation import Options
 from mjskip.envs.water_env import WaterEnv, WaterVectorEnv
-from mjskip.hydro.water import Water
 
 FAR_BANK = 3.6
 """The ford is crossed when the trunk is beyond this x [m]; it starts at -0.6."""
@@ -99,40 +97,10 @@ class WadeTask(Task):
 class WadeEnv(WaterEnv):
     """One quadruped, see `WadeTask`."""
 
-    def __init__(
-        self,
-        *,
-        render_mode: str | None = None,
-        frame_skip: int | None = None,
-        water: Water | Options | None = None,
-        width: int = 480,
-        height: int = 360,
-        camera: str | int | None = None,
-    ) -> None:
-        super().__init__(
-            WadeTask(frame_skip), render_mode=render_mode, width=width, height=height,
-            camera=camera, water=water,
-        )  # fmt: skip
+    task_type = WadeTask
 
 
 class WadeVectorEnv(WaterVectorEnv):
     """Many of them at once."""
 
-    def __init__(
-        self,
-        *,
-        num_envs: int = 1,
-        num_threads: int = 0,
-        max_episode_steps: int | None = None,
-        render_mode: str | None = None,
-        frame_skip: int | None = None,
-        water: Water | Options | None = None,
-        width: int = 480,
-        height: int = 360,
-        camera: str | int | None = None,
-    ) -> None:
-        super().__init__(
-            WadeTask(frame_skip), num_envs=num_envs, num_threads=num_threads,
-            max_episode_steps=max_episode_steps, render_mode=render_mode, width=width, height=height,
-            camera=camera, water=water,
-        )  # fmt: skip
+    task_type = WadeTask

@@ -11,6 +11,7 @@ import numpy as np
 from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
+from numpy.random import default_rng
 
 from mjskip._typing import Array, Flags, Image, SingleArray
 from mjskip.checks import check_choice, check_count, fault
@@ -20,6 +21,9 @@ from mjskip.envs.task import Task
 from mjskip.envs.variation import Options, Variation, check_options
 from mjskip.envs.view import View
 from mjskip.hydro.water import Water
+
+LONGEST = 3600.0
+"""A sea is met at a moment between 0 and this [s]."""
 
 RENDER_MODES = ("human", "rgb_array")
 
@@ -34,15 +38,16 @@ class Episodes:
         *,
         water: Water | Options | None,
         stone: Options | None,
+        sea: Options | str | None = None,
         threads: int | None = None,
     ) -> None:
         self.task = task
-        self._default = Variation(water, stone, has_stone=task.has_stone)
+        self._default = Variation(water, stone, sea, has=task.has)
         self.variation = self._default
+        # of a batch, whose states have one size for good
+        model = task.model if sea is None else task.compile(self._default.draw(default_rng(0)))
         self.simulation: Simulation = (
-            SingleSimulation(task.model)
-            if threads is None
-            else BatchSimulation(task.model, count, threads)
+            SingleSimulation(model) if threads is None else BatchSimulation(model, count, threads)
         )
         task.allocate(count)
         self.info = task.info()
@@ -56,10 +61,11 @@ class Episodes:
 
     def vary(self, options: Options | None) -> None:
         """Take the options of a reset; without any, those the environment was made with."""
-        allowed = {"water", "stone"} if self.task.has_stone else {"water"}
-        options = check_options(options, allowed)
+        options = check_options(options, {"water", *self.task.has})
         self.variation = (
-            Variation(options.get("water"), options.get("stone"), has_stone=self.task.has_stone)
+            Variation(
+                options.get("water"), options.get("stone"), options.get("sea"), has=self.task.has
+            )
             if options
             else self._default
         )
@@ -67,8 +73,11 @@ class Episodes:
     def begin(self, rows: Rows, rngs: list[np.random.Generator]) -> None:
         """Begin an episode in these rows; rngs are of all rows."""
         simulation, task = self.simulation, self.task
-        models = [task.compile(self.variation.draw(rngs[row])) for row in rows]
-        simulation.begin(rows, models)
+        choices = [self.variation.draw(rngs[row]) for row in rows]
+        simulation.begin(rows, [task.compile(choice) for choice in choices])
+        for row, choice in zip(rows, choices, strict=True):
+            if choice.sea:  # which has no beginning
+                simulation.set_time(int(row), float(rngs[row].uniform(0.0, LONGEST)))
         for row in rows:
             task.begin(simulation, int(row), rngs[row])
         simulation.forward(rows)
@@ -124,25 +133,46 @@ def _nothing() -> None:
 class WaterEnv(gymnasium.Env[Array, SingleArray]):
     """One simulation of a task."""
 
+    task_type: type[Task]
+    """What is done."""
+
     metadata = {"render_modes": list(RENDER_MODES), "render_fps": 50}  # noqa: RUF012  gymnasium's
 
     def __init__(
         self,
-        task: Task,
         *,
-        render_mode: str | None,
-        width: int,
-        height: int,
-        camera: str | int | None,
-        water: Water | Options | None,
+        render_mode: str | None = None,
+        frame_skip: int | None = None,
+        water: Water | Options | None = None,
         stone: Options | None = None,
+        sea: Options | str | None = None,
+        width: int = 480,
+        height: int = 360,
+        camera: str | int | None = None,
     ) -> None:
+        """Make the simulation.
+
+        Args:
+            render_mode: "human" (a window), "rgb_array", or "rgb_array_list" where an action is a whole run; None
+                draws nothing.
+            frame_skip: engine steps for one action; the task's if None.
+            water: a `Water`, or fields of it; numbers may be ranges (low, high) to draw from.
+            stone: radius [m], thickness [m] and density [kg/m^3] of the stone, where there is one; ranges too.
+            sea: waves and current where bodies radiate, as a text for `Sea.from_text` or by its keys in SI units and
+                radians; ranges too.
+            width, height: of pictures [pixels].
+            camera: name or id; the task's if None.
+
+        Raises:
+            ValueError: an argument is unknown to this task, or not allowed.
+        """
+        task = self.task_type(frame_skip)
         if render_mode is not None:
             check_choice("render_mode", render_mode, self.metadata["render_modes"])
         self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": max(1, round(1.0 / task.interval))}
         self.action_space, self.observation_space = task.action_space, task.observation_space
-        self._episodes = Episodes(task, 1, water=water, stone=stone)
+        self._episodes = Episodes(task, 1, water=water, stone=stone, sea=sea)
         self._view = View(width, height, task.camera if camera is None else camera)
         self._row = np.arange(1)
         self._shape = task.action_space.shape
@@ -177,8 +207,9 @@ class WaterEnv(gymnasium.Env[Array, SingleArray]):
         Args:
             seed: of everything that is drawn.
             options: "water" (a `Water`, or fields of it) and, where there is one, "stone" (radius [m],
-                thickness [m], density [kg/m^3]); numbers may be ranges (low, high). They hold for this
-                episode; without options those hold that the environment was made with.
+                thickness [m], density [kg/m^3]) or "sea" (hs [m], tp [s], direction [rad] and so on, or a text for
+                `Sea.from_text`); numbers may be ranges (low, high). They hold for this episode; without options
+                those hold that the environment was made with.
 
         Raises:
             ValueError: an option is unknown or not allowed.
@@ -192,7 +223,14 @@ class WaterEnv(gymnasium.Env[Array, SingleArray]):
         return self._episodes.observations()[0], self._info()
 
     def step(self, action: SingleArray) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """One action: observation, reward, terminated, False, info."""
+        """Do one action.
+
+        Args:
+            action: (n,), each from -1 to 1; what they mean says the task.
+
+        Returns:
+            Observation (m,) in SI units, reward, terminated, False, info.
+        """
         if not self._begun:
             raise gymnasium.error.ResetNeeded("call reset() before step()")
         episodes = self._episodes
@@ -206,7 +244,7 @@ class WaterEnv(gymnasium.Env[Array, SingleArray]):
         )
 
     def render(self) -> Image | list[Image] | None:  # type: ignore[override]
-        """The picture (height, width, 3) for "rgb_array"; "human" has its window.
+        """The picture (height, width, 3), colours from 0 to 255, for "rgb_array"; "human" has its window.
 
         For "rgb_array_list", where one action is a whole run: the pictures since the last call.
         """
@@ -245,6 +283,9 @@ class WaterVectorEnv(VectorEnv[Any, Any, Any]):
     whose episode is over begins a new one at the next step, whose action it ignores ("next step" autoreset).
     """
 
+    task_type: type[Task]
+    """What is done."""
+
     metadata = {  # noqa: RUF012  gymnasium's
         "render_modes": ["rgb_array"],
         "autoreset_mode": AutoresetMode.NEXT_STEP,
@@ -252,18 +293,31 @@ class WaterVectorEnv(VectorEnv[Any, Any, Any]):
 
     def __init__(
         self,
-        task: Task,
         *,
-        num_envs: int,
-        num_threads: int,
-        max_episode_steps: int | None,
-        render_mode: str | None,
-        width: int,
-        height: int,
-        camera: str | int | None,
-        water: Water | Options | None,
+        num_envs: int = 1,
+        num_threads: int = 0,
+        max_episode_steps: int | None = None,
+        render_mode: str | None = None,
+        frame_skip: int | None = None,
+        water: Water | Options | None = None,
         stone: Options | None = None,
+        sea: Options | str | None = None,
+        width: int = 480,
+        height: int = 360,
+        camera: str | int | None = None,
     ) -> None:
+        """Make the simulations; arguments that are not named here are those of `WaterEnv`.
+
+        Args:
+            num_envs: rows.
+            num_threads: that share the rows; 0 for as many as there are processors.
+            max_episode_steps: actions after which an episode is cut off; None for no limit.
+            render_mode: "rgb_array"; None draws nothing.
+
+        Raises:
+            ValueError: an argument is unknown to this task, or not allowed.
+        """
+        task = self.task_type(frame_skip)
         if render_mode is not None:
             check_choice("render_mode", render_mode, self.metadata["render_modes"])
         self.render_mode = render_mode
@@ -274,7 +328,9 @@ class WaterVectorEnv(VectorEnv[Any, Any, Any]):
         self.single_observation_space = task.observation_space
         self.action_space = batch_space(task.action_space, num_envs)
         self.observation_space = batch_space(task.observation_space, num_envs)
-        self._episodes = Episodes(task, num_envs, water=water, stone=stone, threads=threads)
+        self._episodes = Episodes(
+            task, num_envs, water=water, stone=stone, sea=sea, threads=threads
+        )
         self._view = View(width, height, task.camera if camera is None else camera)
         self._all = np.arange(num_envs)
         self._rngs: list[np.random.Generator] = []
@@ -288,7 +344,18 @@ class WaterVectorEnv(VectorEnv[Any, Any, Any]):
         seed: int | list[int | None] | None = None,
         options: dict[str, Any] | None = None,
     ) -> tuple[Array, dict[str, Any]]:
-        """Begin an episode in every row; row i has the seed of an int plus i. Options as for one environment."""
+        """Begin an episode in every row.
+
+        Args:
+            seed: of everything that is drawn: one for each row, or a number that row i adds i to.
+            options: as for one environment, see `WaterEnv.reset`.
+
+        Returns:
+            Observations (num_envs, m) in SI units, and info.
+
+        Raises:
+            ValueError: an option is unknown or not allowed, or there are too few seeds.
+        """
         if seed is None or isinstance(seed, int | np.integer):
             seeds = [None if seed is None else int(seed) + i for i in range(self.num_envs)]
         else:
@@ -307,7 +374,14 @@ class WaterVectorEnv(VectorEnv[Any, Any, Any]):
         return self._episodes.observations(), self._info(self._all)
 
     def step(self, actions: Any) -> tuple[Array, Array, Flags, Flags, dict[str, Any]]:
-        """One action for every row that goes on; the others begin anew."""
+        """One action for every row that goes on; the others begin anew.
+
+        Args:
+            actions: (num_envs, n), each from -1 to 1; what they mean says the task.
+
+        Returns:
+            Observations (num_envs, m) in SI units; rewards, terminated and truncated (num_envs,); info.
+        """
         if not self._rngs:
             raise gymnasium.error.ResetNeeded("call reset() before step()")
         episodes, finished = self._episodes, self._finished
@@ -332,14 +406,18 @@ class WaterVectorEnv(VectorEnv[Any, Any, Any]):
         return episodes.observations(), episodes.reward.copy(), over, cut, info
 
     def render(self) -> tuple[Image, ...] | None:
-        """A picture of every row."""
+        """A picture (height, width, 3) of every row, colours from 0 to 255; None without a render_mode."""
         if self.render_mode is None:
             return None
         simulation = self._episodes.simulation
         return tuple(self._view.picture(*simulation.data(row)) for row in range(self.num_envs))
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Free what draws."""
+        """Free what draws.
+
+        Args:
+            kwargs: Gymnasium's; not used.
+        """
         self._view.close()
 
     def _info(self, rows: Rows) -> dict[str, Any]:

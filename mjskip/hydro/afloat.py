@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.special
-from scipy.spatial.transform import Rotation
 
 from mjskip._typing import Array, Integers
 from mjskip.hydro import _afloat_kernels as kernels
@@ -51,6 +49,8 @@ class RestPose:
 
     def moved(self, height: float, roll: float, pitch: float) -> RestPose:
         """Another pose: higher [m], rolled and pitched [rad] in the level frame."""
+        from scipy.spatial.transform import Rotation  # takes as long to import as MuJoCo
+
         turn = Rotation.from_rotvec([roll, pitch, 0.0]).as_matrix()
         return RestPose.of(turn @ self.rotation, self.height + height)
 
@@ -152,8 +152,10 @@ def _typical_wavenumber(sea: Sea) -> float:
 
 def _nodes(sea: Sea, half: float) -> int:
     """Nodes of polynomials that follow the sea over 2 x `half` [m] within SEA_ERROR, by Bessel's bound."""
+    from scipy.special import jv
+
     for count in range(4, kernels.MAX_NODES):
-        missed = sea.amplitude * 2.0 * np.abs(scipy.special.jv(count, sea.wavenumber * half))
+        missed = sea.amplitude * 2.0 * np.abs(jv(count, sea.wavenumber * half))
         if np.sum(missed**2) <= SEA_ERROR**2 * np.sum(sea.amplitude**2):
             return count
     return kernels.MAX_NODES

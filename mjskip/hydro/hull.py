@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip._typing import Array
+from mjskip.checks import check_array, check_surface
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -36,7 +37,18 @@ class Hull:
 
     @classmethod
     def of_surface(cls, *, vertices: Array, faces: npt.NDArray[np.int32], inertia: Array) -> Hull:
-        """A hull about the centre of mass (the origin) of a body with this inertia (3, 3) [kg m^2]."""
+        """A hull in axes about the centre of mass of a body.
+
+        Args:
+            vertices: (n, 3) [m].
+            faces: (m, 3) indices, counter-clockwise seen from outside.
+            inertia: of the body about its centre of mass (3, 3) [kg m^2].
+
+        Raises:
+            ValueError: an argument has another shape, or is not finite.
+        """
+        vertices, faces = check_surface(vertices, faces)
+        inertia = check_array("inertia", inertia, 3, 3)
         return cls(vertices=vertices, faces=faces, **disc_of(vertices[faces], inertia))
 
     @cached_property

@@ -78,8 +78,8 @@ def hydrostatics(
         wetted_area=found.wetted,
         waterplane_area=found.waterplane,
         centre_of_flotation=found.flotation + mass_centre[:2],
-        metacentric_height=rise + float(aside @ found.second @ aside) / found.volume,
-        longitudinal_metacentric_height=rise + float(ahead @ found.second @ ahead) / found.volume,
+        metacentric_height=float(rise + aside @ found.second @ aside / found.volume),
+        longitudinal_metacentric_height=float(rise + ahead @ found.second @ ahead / found.volume),
     )
 
 
@@ -149,7 +149,7 @@ def _crossing(a: Array, b: Array) -> Array:
     return np.asarray(point)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Flotation:
     """A body at rest in still water.
 
@@ -174,6 +174,14 @@ class Flotation:
         """Whether it rights itself from any small heel or trim."""
         state = self.hydrostatics
         return min(state.metacentric_height, state.longitudinal_metacentric_height) > 0.0
+
+    def __repr__(self) -> str:
+        name = getattr(self, "body", "a body")
+        angles = (f"{math.degrees(a) + 0.0:.2f}°" for a in (self.trim, self.heel))
+        height = self.hydrostatics.metacentric_height
+        return "<{} afloat: draft {:.4g} m, trim {}, heel {}, GM {:.4g} m>".format(
+            name, self.draft, *angles, height
+        )
 
 
 class SinksError(MjskipError):

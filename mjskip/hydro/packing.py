@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from mjskip._typing import Array
 from mjskip.hydro import _block as layout
@@ -98,6 +96,17 @@ def triangles_of(block: Array) -> Array:
     return columns.reshape(layout.AREA, -1).T[: int(block[layout.N_FACES])].reshape(-1, 3, 3)
 
 
+def planes_of(block: Array) -> list[Array]:
+    """The plane faces of a block of a law that acts `forward`: normal (3), distance from the centre, number of edges
+    and the ends (6) of every edge of the outline, of each."""
+    found, at = [], int(block[layout.PLANES])
+    for _ in range(int(block[layout.N_PLANES])):
+        size = layout.OUTLINE + layout.EDGE * int(block[at + layout.EDGES])
+        found.append(block[at : at + size])
+        at += size
+    return found
+
+
 def _by_place(centroids: Array) -> npt.NDArray[np.intp]:
     """An order (n,) in which the faces of a group lie near each other: halved across the longest side."""
     done: list[npt.NDArray[np.intp]] = []
@@ -148,6 +157,9 @@ def _planes(triangles: Array, vectors: Array) -> tuple[list[Array], npt.NDArray[
     shared = edge[found] == reverse
     one, other = triangle[shared], triangle[found[shared]]
     flat = np.linalg.norm(normals[one] - normals[other], axis=1) < SAME_PLANE
+    from scipy.sparse import coo_array  # scipy takes longer to import than MuJoCo
+    from scipy.sparse.csgraph import connected_components
+
     graph = coo_array((np.ones(flat.sum()), (one[flat], other[flat])), shape=(n, n))
     count, plane_of = connected_components(graph, directed=False)
 

@@ -11,6 +11,7 @@ drift with the water sees. Above z = 0 the values of z = 0 hold.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
@@ -19,6 +20,15 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip._typing import Array, Complex
+from mjskip.checks import (
+    as_number,
+    check_array,
+    check_count,
+    check_number,
+    check_positive,
+    check_type,
+    fault,
+)
 from mjskip.hydro.surface_modes import wavenumber
 
 Spectrum = Literal["jonswap", "pierson-moskowitz"]
@@ -26,7 +36,7 @@ GAMMA = 3.3
 """Peak enhancement of the mean JONSWAP spectrum."""
 LOWEST, HIGHEST = 0.5, 3.4
 """Frequencies of an irregular sea, over the peak's: some 99% of its energy lies between."""
-COMPONENTS = 100
+COMPONENTS, MAX_COMPONENTS = 100, 1_000_000
 TEXT_KEYS = {
     "height": "height of a regular wave, crest to trough [m]",
     "period": "of a regular wave [s]",
@@ -42,6 +52,44 @@ TEXT_KEYS = {
     "depth": "of the water [m]",
 }
 """What `Sea.from_text` understands."""
+SEA_UNITS = {
+    "height": "m", "period": "s", "hs": "m", "tp": "s", "gamma": "1", "direction": "rad", "spreading": "1",
+    "seed": "1", "components": "1", "current": "m s-1", "current_direction": "rad", "depth": "m",
+}  # fmt: skip
+"""SI units of the same keys, where seas are given as numbers: see `sea_text`."""
+REGULAR = {"height", "period"}
+IRREGULAR = {"hs", "tp", "gamma", "spreading", "seed", "components"}
+
+
+def sea_text(changes: Mapping[str, float], before: str = "") -> str:
+    """The text of a sea for `Sea.from_text`, with changes in SI units and radians.
+
+    Args:
+        changes: values by key of `SEA_UNITS`; one kind of waves takes the place of the other.
+        before: the text that is changed.
+    """
+    given = dict(word.partition("=")[::2] for word in before.replace(",", " ").split())
+    for own, other in ((REGULAR, IRREGULAR), (IRREGULAR, REGULAR)):
+        if own & changes.keys():
+            given = {key: value for key, value in given.items() if key not in other}
+    for key, value in changes.items():
+        shown = math.degrees(value) if SEA_UNITS[key] == "rad" else value
+        given[key] = f"{shown:.0f}" if key in ("seed", "components") else repr(float(shown))
+    return " ".join(f"{key}={value}" for key, value in given.items())
+
+
+def sea_numbers(text: str) -> dict[str, float]:
+    """The keys of a text of a sea, in SI units and radians.
+
+    Raises:
+        ValueError: it is no sea.
+    """
+    Sea.from_text(text)
+    given = dict(word.partition("=")[::2] for word in text.replace(",", " ").split())
+    return {
+        key: math.radians(float(value)) if SEA_UNITS[key] == "rad" else float(value)
+        for key, value in given.items()
+    }
 
 
 def spectrum(omega: npt.ArrayLike, *, hs: float, tp: float, gamma: float = GAMMA) -> Array:
@@ -83,24 +131,26 @@ class Sea:
     gravity: float = 9.81
 
     def __post_init__(self) -> None:
-        for name in ("amplitude", "omega", "direction", "phase", "current"):
-            value = np.asarray(getattr(self, name), dtype=np.float64)
+        for name in ("amplitude", "omega", "direction", "phase"):
+            value = check_array(
+                name, getattr(self, name), None, remedy="give a row of finite numbers"
+            )
             object.__setattr__(self, name, value)
-            if value.ndim != 1 or not np.isfinite(value).all():
-                raise ValueError(f"{name} is {value!r}: give a row of finite numbers")
         sizes = {len(getattr(self, name)) for name in ("amplitude", "omega", "direction", "phase")}
         if len(sizes) > 1:
             raise ValueError(
                 f"amplitude, omega, direction and phase have {sorted(sizes)} values: give each wave all four"
             )
-        if self.current.shape != (2,):
-            raise ValueError(f"current is {self.current!r}: give two speeds, along x and y [m/s]")
+        current = check_array(
+            "current", self.current, 2, remedy="give two speeds, along x and y [m/s]"
+        )
+        object.__setattr__(self, "current", current)
         if not (self.omega > 0.0).all():
             raise ValueError(f"omega is {self.omega!r}: give frequencies above 0 [rad/s]")
-        for name, lowest in (("depth", 0.0), ("gravity", 0.0)):
-            value = getattr(self, name)
-            if not value > lowest:
-                raise ValueError(f"{name} is {value!r}: give a number above 0")
+        depth = as_number(self.depth)
+        if depth is None or not depth > 0.0:
+            raise fault("depth", self.depth, "give a number above 0 [m]; inf is deep water")
+        check_positive(gravity=self.gravity)
 
     @cached_property
     def wavenumber(self) -> Array:
@@ -124,16 +174,28 @@ class Sea:
         depth: float = math.inf,
         gravity: float = 9.81,
     ) -> Sea:
-        """One wave: height from trough to crest [m], period [s], direction and phase [rad]."""
-        _positive(period=period)
-        if not (math.isfinite(height) and height >= 0.0):
-            raise ValueError(f"height is {height!r}: give a finite number of at least 0 [m]")
+        """One wave.
+
+        Args:
+            height: from trough to crest [m].
+            period: [s].
+            direction: where the wave runs to, from the x axis [rad].
+            phase: at the origin at time 0 [rad].
+            current: velocity of the water (2,) [m/s].
+            depth: [m].
+            gravity: [m/s^2].
+
+        Raises:
+            ValueError: an argument is no number, or out of range.
+        """
+        check_positive(period=period)
+        height = check_number("height", height, low=0.0, unit="m")
         return cls(
             amplitude=np.array([0.5 * height]),
             omega=np.array([2.0 * math.pi / period]),
-            direction=np.array([direction]),
-            phase=np.array([phase]),
-            current=np.asarray(current, dtype=np.float64),
+            direction=np.array([check_number("direction", direction, unit="rad")]),
+            phase=np.array([check_number("phase", phase, unit="rad")]),
+            current=current,  # type: ignore[arg-type]
             depth=depth,
             gravity=gravity,
         )
@@ -170,16 +232,18 @@ class Sea:
             current: velocity of the water (2,) [m/s].
             depth: [m].
             gravity: [m/s^2].
+
+        Raises:
+            ValueError: an argument is no number, or out of range.
         """
-        _positive(tp=tp)
-        if not (math.isfinite(hs) and hs >= 0.0):
-            raise ValueError(f"hs is {hs!r}: give a finite number of at least 0 [m]")
-        if not 1.0 <= gamma <= 20.0:
-            raise ValueError(f"gamma is {gamma!r}: give a number from 1 to 20")
-        if components < 1:
-            raise ValueError(f"components is {components!r}: give at least 1")
-        if spreading is not None and not spreading >= 0.0:
-            raise ValueError(f"spreading is {spreading!r}: give a number of at least 0, or None")
+        tp = check_number("tp", tp, low=1e-3, high=1e6, unit="s")
+        hs = check_number("hs", hs, low=0.0, high=1e6, unit="m")
+        gamma = check_number("gamma", gamma, low=1.0, high=20.0)
+        direction = check_number("direction", direction, unit="rad")
+        components = check_count("components", components, high=MAX_COMPONENTS)
+        seed = check_count("seed", seed, low=0)
+        if spreading is not None:
+            spreading = check_number("spreading", spreading, low=0.0)
         random = np.random.default_rng(seed)
         edges = np.linspace(LOWEST, HIGHEST, components + 1) * 2.0 * math.pi / tp
         omega = edges[:-1] + np.diff(edges) * random.random(components)
@@ -199,7 +263,7 @@ class Sea:
             omega=omega,
             direction=direction + turns,
             phase=phase,
-            current=np.asarray(current, dtype=np.float64),
+            current=current,  # type: ignore[arg-type]
             depth=depth,
             gravity=gravity,
         )
@@ -208,9 +272,14 @@ class Sea:
     def from_text(cls, text: str, *, gravity: float = 9.81) -> Sea:
         """A sea from "hs=0.3 tp=3" or "height=0.2 period=2 direction=30"; degrees here, see TEXT_KEYS.
 
+        Args:
+            text: KEY=NUMBER words.
+            gravity: [m/s^2].
+
         Raises:
             ValueError: a word is not key=number, a key is unknown, or too little is said.
         """
+        check_type("sea", text, str, 'give a text such as "hs=0.3 tp=3"')
         given: dict[str, float] = {}
         for word in text.replace(",", " ").split():
             key, _, number = word.partition("=")
@@ -237,8 +306,8 @@ class Sea:
                 gamma=given.get("gamma", GAMMA),
                 direction=direction,
                 spreading=given.get("spreading"),
-                seed=int(given.get("seed", 0)),
-                components=int(given.get("components", COMPONENTS)),
+                seed=given.get("seed", 0),  # type: ignore[arg-type]
+                components=given.get("components", COMPONENTS),  # type: ignore[arg-type]
                 current=current,
                 depth=depth,
                 gravity=gravity,
@@ -260,7 +329,7 @@ class Sea:
 
     def _swings(self, points: Array, time: float) -> Complex:
         """a exp(i theta) at the horizontal places of points (m, 2 or 3): (m, n)."""
-        place = points[:, :2] - self.current * time
+        place = points[:, :2] - self.current * check_number("time", time, unit="s")
         toward = np.stack([np.cos(self.direction), np.sin(self.direction)])
         angle = self.wavenumber * (place @ toward) - self.omega * time + self.phase
         return np.asarray(self.amplitude * np.exp(1j * angle))
@@ -277,11 +346,29 @@ class Sea:
         return down * (1.0 + below) / bottom, down * (1.0 - below) / bottom
 
     def elevation(self, points: npt.ArrayLike, time: float) -> Array:
-        """Height of the surface at points (m, 2) [m] at a time [s]: (m,) [m]."""
+        """Height of the surface (m,) [m].
+
+        Args:
+            points: horizontal places (m, 2) [m].
+            time: [s].
+        """
         return np.asarray(self._swings(_points(points, 2), time).real.sum(axis=1))
 
+    def grid_elevation(self, x: Array, y: Array, time: float) -> Array:
+        """Height of the surface at the points of a grid with axes x (nx,) and y (ny,) [m] at a time [s]: (nx, ny) [m]."""
+        kx, ky = self.wavenumber * np.cos(self.direction), self.wavenumber * np.sin(self.direction)
+        east, north = x - self.current[0] * time, y - self.current[1] * time
+        swing = self.amplitude * np.exp(1j * (self.phase - self.omega * time))
+        along, across = np.exp(1j * np.outer(east, kx)), np.exp(1j * np.outer(ky, north))
+        return np.asarray(((along * swing) @ across).real)
+
     def velocity(self, points: npt.ArrayLike, time: float) -> Array:
-        """Velocity of the water at points (m, 3) [m] at a time [s], current included: (m, 3) [m/s]."""
+        """Velocity of the water, current included (m, 3) [m/s].
+
+        Args:
+            points: places (m, 3) [m].
+            time: [s].
+        """
         place = _points(points, 3)
         swings = self._swings(place, time)
         cosh, sinh = self._decay(place[:, 2])
@@ -298,7 +385,14 @@ class Sea:
         )
 
     def pressure(self, points: npt.ArrayLike, time: float, *, density: float = 1000.0) -> Array:
-        """Dynamic pressure of the waves at points (m, 3) [m] at a time [s]: (m,) [Pa]."""
+        """Dynamic pressure of the waves (m,) [Pa].
+
+        Args:
+            points: places (m, 3) [m].
+            time: [s].
+            density: of the water [kg/m^3].
+        """
+        check_positive(density=density)
         place = _points(points, 3)
         cosh, _ = self._decay(place[:, 2])
         weight = density * self.gravity
@@ -306,13 +400,7 @@ class Sea:
 
 
 def _points(points: npt.ArrayLike, width: int) -> Array:
-    place = np.atleast_2d(np.asarray(points, dtype=np.float64))
+    place = np.atleast_2d(check_array("points", points))
     if place.ndim != 2 or place.shape[1] < width:
         raise ValueError(f"points have shape {place.shape}: give (n, {width}) coordinates [m]")
     return place
-
-
-def _positive(**named: float) -> None:
-    for name, value in named.items():
-        if not (math.isfinite(value) and value > 0.0):
-            raise ValueError(f"{name} is {value!r}: give a finite number above 0")

@@ -3,21 +3,36 @@
 from __future__ import annotations
 
 import math
+import os
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from mjskip._typing import Array
-from mjskip.checks import check_count, check_positive
+from mjskip.checks import (
+    check_array,
+    check_count,
+    check_number,
+    check_path,
+    check_positive,
+    check_surface,
+    check_switch,
+    check_vector,
+    fault,
+)
 from mjskip.errors import MeshError
 from mjskip.hydro.hull import Hull, disc_of
-from mjskip.hydro.primitives import MAX_SEGMENTS
 
 GRANITE = 2600.0
 """Density of the stones made here unless another is given [kg/m^3]."""
+
+SMALLEST, LARGEST = 1e-6, 1e6
+"""Of the lengths of a stone [m]: its mass and its moments stay far from what a double cannot hold."""
+
+MAX_SEGMENTS = 10_000
+"""Around a rim, or from apex to rim."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -47,6 +62,15 @@ class Stone(Hull):
         """The paper's stone of 44 triangles: apex, ring of 11, ring of 11, apex.
 
         The rings stand at plus and minus a fifth of the thickness, so that the rim is blunt.
+
+        Args:
+            radius: of the rings [m].
+            thickness: from apex to apex [m].
+            density: [kg/m^3]; granite if neither density nor mass is given.
+            mass: [kg], instead of the density.
+
+        Raises:
+            ValueError: a size, density or mass is not a positive number, or both of the last are given.
         """
         profile = [(0.0, 0.5), (1.0, 0.2), (1.0, -0.2), (0.0, -0.5)]
         return cls._turned(profile, radius, thickness, 11, density, mass)
@@ -61,7 +85,18 @@ class Stone(Hull):
         density: float | None = None,
         mass: float | None = None,
     ) -> Stone:
-        """A flat disc: a regular prism of 4 x `segments` triangles inscribed in the circle [m]."""
+        """A flat disc: a regular prism of about 4 `segments` triangles inscribed in the circle.
+
+        Args:
+            radius: [m].
+            thickness: [m].
+            segments: corners of the rim, at least 3.
+            density: [kg/m^3]; granite if neither density nor mass is given.
+            mass: [kg], instead of the density.
+
+        Raises:
+            ValueError: an argument is out of range, or both density and mass are given.
+        """
         profile = [(0.0, 0.5), (1.0, 0.5), (1.0, -0.5), (0.0, -0.5)]
         return cls._turned(profile, radius, thickness, segments, density, mass)
 
@@ -76,9 +111,21 @@ class Stone(Hull):
         density: float | None = None,
         mass: float | None = None,
     ) -> Stone:
-        """Two spherical caps rim to rim: `rings` steps from apex to rim, `segments` around [m]."""
+        """Two spherical caps rim to rim.
+
+        Args:
+            radius: of the rim [m].
+            thickness: from apex to apex [m].
+            segments: corners of the rim, at least 3.
+            rings: steps from apex to rim.
+            density: [kg/m^3]; granite if neither density nor mass is given.
+            mass: [kg], instead of the density.
+
+        Raises:
+            ValueError: an argument is out of range, or both density and mass are given.
+        """
         rings = check_count("rings", rings, high=MAX_SEGMENTS)
-        check_positive(radius=radius, thickness=thickness)
+        radius, thickness = _checked_sizes(radius, thickness)
         half = 0.5 * thickness
         sphere = (radius**2 + half**2) / (2.0 * half)
         opening = math.atan2(radius, sphere - half)
@@ -103,7 +150,7 @@ class Stone(Hull):
         mass: float | None,
     ) -> Stone:
         """Body of revolution from (radius, height) fractions, top apex to bottom apex."""
-        check_positive(radius=radius, thickness=thickness)
+        radius, thickness = _checked_sizes(radius, thickness)
         segments = check_count("segments", segments, low=3, high=MAX_SEGMENTS)
         turn = 2.0 * np.pi * np.arange(segments) / segments
         rim = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(segments)])
@@ -155,6 +202,8 @@ class Stone(Hull):
         from mjskip.hydro.solids import closed_mesh, with_area, without_voids
 
         check_positive(scale=scale)
+        check_switch("fix_normals", fix_normals)
+        check_switch("strict", strict)
         mesh = closed_mesh(_read(mesh), scale=scale, fix_normals=fix_normals, strict=strict)
         if density is not None and mass is not None:
             raise ValueError(
@@ -186,10 +235,32 @@ class Stone(Hull):
         centre: Array,
         inertia: Array,
     ) -> Stone:
-        """A stone whose mass properties are known; vertices and centre of mass in one frame [m]."""
-        vertices = vertices - centre
+        """A stone whose mass properties are known.
+
+        Args:
+            vertices: (n, 3) [m].
+            faces: (m, 3) indices, counter-clockwise seen from outside.
+            mass: [kg].
+            centre: centre of mass (3,), in the frame of the vertices [m].
+            inertia: about the centre of mass (3, 3) [kg m^2].
+
+        Raises:
+            ValueError: an argument has another shape, or is not finite.
+        """
+        vertices, faces = check_surface(vertices, faces)
+        vertices = vertices - check_vector("centre", centre, 3)
+        inertia = check_array("inertia", inertia, 3, 3)
+        check_positive(mass=mass)
         disc = disc_of(vertices[faces], inertia)
         return cls(vertices=vertices, faces=faces, mass=mass, inertia=inertia, **disc)
+
+
+def _checked_sizes(radius: object, thickness: object) -> tuple[float, float]:
+    check_positive(radius=radius, thickness=thickness)
+    return (
+        check_number("radius", radius, low=SMALLEST, high=LARGEST, unit="m"),
+        check_number("thickness", thickness, low=SMALLEST, high=LARGEST, unit="m"),
+    )
 
 
 def _read(mesh: Any) -> Any:
@@ -197,7 +268,9 @@ def _read(mesh: Any) -> Any:
 
     if isinstance(mesh, trimesh.Trimesh):
         return mesh
-    path = Path(mesh)
+    if not isinstance(mesh, str | os.PathLike):
+        raise fault("mesh", mesh, "give a trimesh.Trimesh or the path of a mesh file")
+    path = check_path("mesh", mesh)
     if not path.is_file():
         raise MeshError(f"no mesh file {path}: give the path of an STL, OBJ or PLY file")
     try:

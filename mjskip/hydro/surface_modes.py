@@ -83,6 +83,13 @@ class SurfaceModes:
         ahead = np.cos(self.direction) * xy[:, :1] + np.sin(self.direction) * xy[:, 1:2]
         return np.asarray((np.exp(1j * k * ahead) @ (self.weights[self.ring] * amplitudes)).real)
 
+    def grid_elevation(self, amplitudes: Complex, x: Array, y: Array) -> Array:
+        """Elevation at the points of a grid with axes x (nx,) and y (ny,) [m], within the reach: (nx, ny) [m]."""
+        k = self.wavenumbers[self.ring]
+        along = np.exp(1j * np.outer(x, k * np.cos(self.direction)))
+        across = np.exp(1j * np.outer(k * np.sin(self.direction), y))
+        return np.asarray(((along * (self.weights[self.ring] * amplitudes)) @ across).real)
+
 
 def ring_directions(count: int) -> Array:
     """Equal angles from the x axis (count,) [rad]."""

@@ -72,6 +72,13 @@ class Water:
 
         The law is the paper's unless another is given, and "none" with `radiation`: the pressure of moving water is
         that of potential flow then, and a law of impact counts it twice.
+
+        Args:
+            density, air_density, gate, buoyancy, skin_friction, viscosity, quadrature, radiation: as the fields.
+            law: as the field; None chooses.
+
+        Raises:
+            ValueError: as `Water`.
         """
         if law is None:
             law = "none" if radiation else "lee2010"

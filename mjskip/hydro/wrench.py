@@ -14,6 +14,7 @@ from numba import types
 from mjskip._compile.jit import native
 from mjskip._compile.pointers import F8P, address_of_cfunc
 from mjskip._typing import Array
+from mjskip.checks import check_type, check_vector
 from mjskip.hydro import _wrench_kernels as kernels
 from mjskip.hydro.columns import LOAD, load_columns
 from mjskip.hydro.hull import Hull
@@ -72,14 +73,16 @@ def wrench(
         ValueError: an argument has the wrong shape or is not finite, or q is zero.
     """
     x, v, w = (
-        _vector(n, a, 3)
+        check_vector(n, a, 3)
         for n, a in (("position", position), ("velocity", velocity), ("omega", omega))
     )
-    q = _vector("q", q, 4)
+    q = check_vector("q", q, 4)
     if not np.linalg.norm(q) > 0.0:
         raise ValueError("q is zero: give a quaternion (w, x, y, z) of any length but zero")
     states = pack_states(x[None], matrices(q)[None], v[None], w[None])
-    return wrench_of(pack(stone, water or Water()), states)
+    check_type("stone", stone, Hull)
+    water = Water() if water is None else check_type("water", water, Water)
+    return wrench_of(pack(stone, water), states)
 
 
 def wrench_of(block: Array, states: Array) -> Wrench:
@@ -116,10 +119,3 @@ def entry_address(function: Callable[[Any, Any, Any], None]) -> int:
 
 _alive: list[object] = []
 """Compiled C functions, kept for the life of the process: others hold their addresses."""
-
-
-def _vector(name: str, value: npt.ArrayLike, size: int) -> Array:
-    array = np.asarray(value, dtype=np.float64)
-    if array.shape != (size,) or not np.isfinite(array).all():
-        raise ValueError(f"{name} is {value!r}: give {size} finite numbers")
-    return array

@@ -16,13 +16,22 @@ import numpy as np
 from mjskip.checks import check_number, check_type
 from mjskip.hydro.hull import Hull
 from mjskip.hydro.laws import LAWS, ForceLaw
+from mjskip.hydro.packing import pack, planes_of
 from mjskip.hydro.water import Water
+from mjskip.jax.faces import Motion, grouped, over, plane_load, root, triangle_load
 
 Vector = jax.Array
 
 
 class Load(NamedTuple):
-    """Forces (3,) [N] and torques about the centre of mass (3,) [N m], world frame."""
+    """What water and air do to a body, world frame.
+
+    Attributes:
+        force: of the water (3,) [N].
+        torque: of the water about the centre of mass (3,) [N m].
+        air_force: of the air (3,) [N].
+        air_torque: of the air about the centre of mass (3,) [N m].
+    """
 
     force: Vector
     torque: Vector
@@ -51,8 +60,8 @@ def wrench(hull: Hull, water: Water | None = None, *, gravity: float = 9.81) -> 
         `Load`; for `jax.jit`, `jax.vmap`, `jax.grad` and the like.
 
     Raises:
-        ValueError: JAX would work in single precision, or the law is one whose loads are integrated over faces
-            (`..._forward`, `quadrature`), which are not known here.
+        ValueError: JAX would work in single precision, or the water is one that is not known here: it is still, and has
+            no added mass.
     """
     if jnp.result_type(float) != jnp.float64:
         raise ValueError(
@@ -62,10 +71,14 @@ def wrench(hull: Hull, water: Water | None = None, *, gravity: float = 9.81) -> 
     fluid = Water() if water is None else check_type("water", water, Water)
     gravity = check_number("gravity", gravity)
     law = LAWS[fluid.law]
-    if law.forward or fluid.quadrature:
-        known = ", ".join(name for name, one in LAWS.items() if not one.forward)
-        what = "quadrature is True" if fluid.quadrature else f"law is {fluid.law!r}"
-        raise ValueError(f"{what}: for JAX use one of {known}, without quadrature")
+    if fluid.radiation or fluid.added_mass:
+        raise ValueError(
+            "radiation is True: for JAX water is still"
+            if fluid.radiation
+            else f"added_mass is {fluid.added_mass:g}: for JAX leave it out"
+        )
+    planes = grouped(planes_of(pack(hull, fluid))) if law.forward else []
+    local = fluid.gate == "local"
     areas = np.linalg.norm(hull.area_vectors, axis=1)
     faces = _Faces(
         jnp.asarray(hull.triangles),
@@ -88,9 +101,15 @@ def wrench(hull: Hull, water: Water | None = None, *, gravity: float = 9.81) -> 
         heights = z + faces.corners @ up
         share, centre, height, moment = _immersed(faces.corners, heights)
         wet = share * faces.areas
-        force = _law_force(faces, law, fluid.gate == "local", wet, centre, velocity, omega)
-        torque = jnp.cross(centre, force).sum(axis=0)
-        force = force.sum(axis=0)
+        motion = Motion(z, up, velocity, omega)
+        if law.forward:
+            parts = [plane_load(group, law, local, motion) for group in planes]
+            force, torque = (sum(column) for column in zip(*parts, strict=True))
+        elif fluid.quadrature:
+            force, torque = triangle_load(faces.corners, faces.normals, law, local, motion)
+        else:
+            forces = _law_force(faces, law, local, wet, centre, velocity, omega)
+            force, torque = forces.sum(axis=0), jnp.cross(centre, forces).sum(axis=0)
         if fluid.buoyancy:
             weight = gravity * faces.areas[:, None]
             force += (weight * height[:, None] * faces.normals).sum(axis=0)
@@ -110,7 +129,11 @@ def wrench(hull: Hull, water: Water | None = None, *, gravity: float = 9.81) -> 
 
 
 def rotation(q: Any) -> Vector:
-    """Matrix (3, 3), body to world, of a quaternion w-x-y-z of any length but zero."""
+    """Matrix (3, 3), body to world, without unit.
+
+    Args:
+        q: quaternion (4,), w-x-y-z, of any length but zero.
+    """
     w, x, y, z = q / jnp.linalg.norm(q)
     return jnp.array(
         [
@@ -135,12 +158,12 @@ def _law_force(
     speed2 = jnp.dot(velocity, velocity)
     pressure = law.normal_squared * vn**2
     if law.speed_normal:
-        pressure += law.speed_normal * _root(speed2) * vn
+        pressure += law.speed_normal * root(speed2) * vn
     pressure += law.speed_squared * speed2
     force = -pressure[:, None] * faces.normals
     if law.friction:
-        length = _root(jnp.einsum("mi,mi->m", along, along))
-        force -= law.friction * speed2 * _over(along, length)
+        length = root(jnp.einsum("mi,mi->m", along, along))
+        force -= law.friction * speed2 * over(along, length)
     loaded = (vn > 0.0) if local else (vn_centre >= 0.0)
     return jnp.where(loaded, wet, 0.0)[:, None] * force
 
@@ -151,7 +174,7 @@ def _skin_force(
     """Forces (m, 3) of friction for a density of 1: -1/2 C_f |V_t| V_t S (ITTC 1957)."""
     slip = velocity + jnp.cross(omega, centre)
     slip -= jnp.einsum("mi,mi->m", slip, faces.normals)[:, None] * faces.normals
-    speed = _root(jnp.einsum("mi,mi->m", slip, slip))
+    speed = root(jnp.einsum("mi,mi->m", slip, slip))
     coefficient = 0.075 / (jnp.log10(jnp.maximum(speed * rate, 1e3)) - 2.0) ** 2
     return -0.5 * (coefficient * speed * wet)[:, None] * slip
 
@@ -189,7 +212,7 @@ def _immersed(corners: Vector, heights: Vector) -> tuple[Vector, Vector, Vector,
         return jnp.select(deep, values, 0.0)
 
     share, first_moment, height, moment = (chosen(k) for k in range(4))
-    return share, _over(first_moment, share), height, moment
+    return share, over(first_moment, share), height, moment
 
 
 def _linear(
@@ -205,16 +228,3 @@ def _linear(
         area / 3.0 * total,
         (area / 12.0)[:, None] * (corners * total[:, None] + weighted),
     )
-
-
-def _root(square: Vector) -> Vector:
-    """Square root whose derivative at 0 is 0 instead of infinite."""
-    positive = square > 0.0
-    return jnp.where(positive, jnp.sqrt(jnp.where(positive, square, 1.0)), 0.0)
-
-
-def _over(vectors: Vector, length: Vector) -> Vector:
-    """Vectors (m, 3) over lengths (m,); zero where the length is."""
-    positive = length > 0.0
-    safe = jnp.where(positive, length, 1.0)
-    return jnp.where(positive[:, None], vectors / safe[:, None], 0.0)

@@ -279,7 +279,8 @@ class Tab:
         self._status(
             f"{name}: {html.escape(value[:40])} is ignored; use one of {', '.join(allowed)}"
         )
-        self._controls[name].value = allowed[0]
+        if str(self._controls[name].value) == value:  # the page may have chosen again
+            self._controls[name].value = allowed[0]
         return allowed[0]
 
     def _change_view(self, _: Any) -> None:

@@ -11,7 +11,7 @@ from concurrent.futures import CancelledError
 from typing import Any
 
 from mjskip.errors import MjskipError
-from mjskip.sweeps.job import Job, run_chunk
+from mjskip.sweeps.job import Question, run_chunk
 
 Index = tuple[slice, ...]
 
@@ -21,7 +21,7 @@ TIMEOUT = 10.0
 
 def run_on_cluster(
     address: str,
-    job: Job,
+    job: Question,
     chunks: Sequence[Index],
     take: Callable[[Index, dict[str, Any]], None],
 ) -> None:
@@ -53,7 +53,9 @@ def run_on_cluster(
             take(index, found)
 
 
-def _results(cluster: Any, client: Any, address: str, job: Job, chunks: Sequence[Index]) -> Any:
+def _results(
+    cluster: Any, client: Any, address: str, job: Question, chunks: Sequence[Index]
+) -> Any:
     """Pairs of chunk and results, as they come."""
     try:
         # the job goes with every task: data kept on a worker would be lost with it

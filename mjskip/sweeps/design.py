@@ -98,6 +98,8 @@ class Design:
         samples: values by parameter, all of one length, along the dimension "sample".
         scatter: additions by parameter, all of one length, along the dimension "member", the same at
             every point: an ensemble of throws around each.
+        parameters: what can be varied, with its SI unit: those of throws, or of a model.
+        named: those that take words, and the words.
 
     Raises:
         ValueError: a parameter is unknown, has no values, or is given twice.
@@ -106,11 +108,13 @@ class Design:
     axes: Mapping[str, Sequence[Any] | Array] = field(default_factory=dict)
     samples: Mapping[str, Array] = field(default_factory=dict)
     scatter: Mapping[str, Array] = field(default_factory=dict)
+    parameters: Mapping[str, str] = field(default_factory=lambda: PARAMETERS)
+    named: Mapping[str, Sequence[str]] = field(default_factory=lambda: NAMED)
 
     def __post_init__(self) -> None:
         for part in ("axes", "samples", "scatter"):
             given = check_mapping(part, getattr(self, part), "give values by parameter")
-            given = {name: _values(part, name, values) for name, values in given.items()}
+            given = {name: self._values(part, name, values) for name, values in given.items()}
             object.__setattr__(self, part, given)
         twice = sorted(set(self.axes) & set(self.samples))
         if twice:
@@ -150,18 +154,18 @@ class Design:
         found |= {name: values[index[SAMPLE]] for name, values in self.samples.items()}
         for name, values in self.scatter.items():
             found[name] = found.get(name, base[name]) + values[index[MEMBER]]
-        return {k: str(v) if k in NAMED else float(v) for k, v in found.items()}
+        return {k: str(v) if k in self.named else float(v) for k, v in found.items()}
 
     def coordinates(self) -> dict[str, tuple[str, Any, dict[str, str]]]:
         """For an xarray Dataset: (dimension, values, attributes) by name."""
         found: dict[str, tuple[str, Any, dict[str, str]]] = {}
         for name, values in self.axes.items():
-            found[name] = (name, values, _attributes(name))
+            found[name] = (name, values, self._attributes(name))
         for name, values in self.samples.items():
-            found[name] = (SAMPLE, values, _attributes(name))
+            found[name] = (SAMPLE, values, self._attributes(name))
         for name, values in self.scatter.items():
             text = {"long_name": f"added to {name} for this member of the ensemble"}
-            found[f"{name}_scatter"] = (MEMBER, values, _attributes(name) | text)
+            found[f"{name}_scatter"] = (MEMBER, values, self._attributes(name) | text)
         return found
 
     def summary(self) -> dict[str, Any]:
@@ -170,6 +174,39 @@ class Design:
             part: {name: _digest(values) for name, values in getattr(self, part).items()}
             for part in ("axes", "samples", "scatter")
         } | {"dimensions": self.sizes}
+
+    def _values(self, part: str, name: str, values: Any) -> Any:
+        if name not in self.parameters:
+            raise ValueError(f"no parameter {name!r}: choose from {', '.join(self.parameters)}")
+        words = name in self.named
+        if words and part != "axes":
+            raise ValueError(f"{name} takes words: it can be an axis, not one of {part}")
+        if words:
+            values = (
+                values
+                if isinstance(values, Collection) and not isinstance(values, str)
+                else [values]
+            )
+            values = [
+                ("off", "on")[value] if isinstance(value, bool) else value for value in values
+            ]
+            values = [check_choice(name, value, self.named[name]) for value in values]
+        try:
+            found = np.array(values, dtype=str if words else np.float64)
+        except (TypeError, ValueError):
+            raise fault(name, values, "give a row of numbers") from None
+        if found.ndim != 1 or len(found) == 0:
+            raise ValueError(
+                f"{name} has values of shape {found.shape}: give at least one, in a row"
+            )
+        if not words and not np.isfinite(found).all():
+            raise ValueError(f"{name} has values that are not finite")
+        if part == "axes" and len(np.unique(found)) != len(found):
+            raise ValueError(f"{name} has a value twice: give each once")
+        return found
+
+    def _attributes(self, name: str) -> dict[str, str]:
+        return {"units": self.parameters[name]} if self.parameters[name] else {}
 
 
 def _check_spread(given: Mapping[str, tuple[float, float]], count: int) -> None:
@@ -181,35 +218,6 @@ def _check_spread(given: Mapping[str, tuple[float, float]], count: int) -> None:
             raise fault(name, pair, "give two numbers")
         for number in pair:
             check_number(name, number)
-
-
-def _values(part: str, name: str, values: Any) -> Any:
-    if name not in PARAMETERS:
-        raise ValueError(f"no parameter {name!r}: choose from {', '.join(PARAMETERS)}")
-    words = name in NAMED
-    if words and part != "axes":
-        raise ValueError(f"{name} takes words: it can be an axis, not one of {part}")
-    if words:
-        values = (
-            values if isinstance(values, Collection) and not isinstance(values, str) else [values]
-        )
-        values = [("off", "on")[value] if isinstance(value, bool) else value for value in values]
-        values = [check_choice(name, value, NAMED[name]) for value in values]
-    try:
-        found = np.array(values, dtype=str if words else np.float64)
-    except (TypeError, ValueError):
-        raise fault(name, values, "give a row of numbers") from None
-    if found.ndim != 1 or len(found) == 0:
-        raise ValueError(f"{name} has values of shape {found.shape}: give at least one, in a row")
-    if not words and not np.isfinite(found).all():
-        raise ValueError(f"{name} has values that are not finite")
-    if part == "axes" and len(np.unique(found)) != len(found):
-        raise ValueError(f"{name} has a value twice: give each once")
-    return found
-
-
-def _attributes(name: str) -> dict[str, str]:
-    return {"units": PARAMETERS[name]} if PARAMETERS[name] else {}
 
 
 def _digest(values: Any) -> str:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import hashlib
 import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from importlib.metadata import version
 from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -16,7 +18,7 @@ from mjskip.checks import check_positive
 from mjskip.errors import DivergedError, MjskipError, MjskipWarning
 from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import SWITCHES, Water
-from mjskip.sweeps.batch import Air, throw_all
+from mjskip.sweeps.batch import AIR_TOLERANCE, Air, throw_all
 from mjskip.sweeps.design import NAMED, STONE, THROW, WATER, Design
 from mjskip.throws.recording import Limits
 from mjskip.throws.scene import Scene, load_scene
@@ -44,6 +46,52 @@ WORDS: dict[str, str] = {
     "status": "ok, refused (its parameters make no throw), diverged or failed",
 }
 """Words of a throw. A chunk is finished once its status is written: it comes last."""
+
+
+class Question(Protocol):
+    """What a sweep asks, whole: what stores and workers are given.
+
+    Attributes:
+        design: what is varied.
+        results: numbers that every point of the grid gives: unit and meaning.
+        words: words that it gives; "status" is the last, by which a chunk is known to be finished.
+        title: of the file.
+    """
+
+    @property
+    def design(self) -> Design: ...
+    @property
+    def results(self) -> Mapping[str, tuple[str, str]]: ...
+    @property
+    def words(self) -> Mapping[str, str]: ...
+    @property
+    def title(self) -> str: ...
+
+    def run(
+        self,
+        index: tuple[slice, ...],
+        *,
+        threads: int | None = None,
+        progress: Callable[[int], None] | None = None,
+    ) -> dict[str, np.ndarray[Any, Any]]:
+        """An array of the block's shape for every result of one block of the grid.
+
+        `progress` is called with what is done of it, where one is done after the other.
+        """
+
+    def request(self) -> dict[str, Any]:
+        """All that the results depend on, as JSON would have it: two equal ones give equal bytes."""
+
+
+def run_chunk(
+    job: Question,
+    index: tuple[slice, ...],
+    *,
+    threads: int | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> dict[str, np.ndarray[Any, Any]]:
+    """One block of the grid, here or on a worker."""
+    return job.run(index, threads=threads, progress=progress)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -90,41 +138,74 @@ class Job:
             "viscosity": self.water.viscosity,
         }
 
+    results: ClassVar[Mapping[str, tuple[str, str]]] = RESULTS
+    words: ClassVar[Mapping[str, str]] = WORDS
+    title: ClassVar[str] = "stone skipping sweep, SI units, angles in radians"
 
-def run_chunk(
-    job: Job,
-    index: tuple[slice, ...],
-    *,
-    threads: int | None = None,
-    progress: Callable[[int], None] | None = None,
-) -> dict[str, np.ndarray[Any, Any]]:
-    """The throws of one block of the grid: an array of the block's shape for every result.
+    def run(
+        self,
+        index: tuple[slice, ...],
+        *,
+        threads: int | None = None,
+        progress: Callable[[int], None] | None = None,
+    ) -> dict[str, np.ndarray[Any, Any]]:
+        """The throws of one block of the grid: an array of the block's shape for every result."""
+        shape = tuple(part.stop - part.start for part in index)
+        names = list(self.design.sizes)
+        base = self.base
+        rows = [
+            self.design.point(dict(zip(names, place, strict=True)), base)
+            for place in product(*(range(part.start, part.stop) for part in index))
+        ]
+        found: dict[str, Any] = {name: np.full(len(rows), np.nan) for name in RESULTS}
+        found |= {name: np.full(len(rows), "", dtype=object) for name in WORDS}
+        stones: dict[tuple[Any, ...], Stone] = {}
+        todo: list[tuple[int, Stone, Throw, Water]] = []
+        for k, row in enumerate(rows):
+            try:
+                stone = _stone_of(self.stone, row, stones)
+                thrown = replace(self.throw, **{n: row[n] for n in THROW if n in row})
+                todo.append((k, stone, thrown, _water_of(self.water, row)))
+            except (ValueError, MjskipError) as error:
+                found["status"][k], found["reason"][k] = "refused", _line(error)
+        if todo and self.engine == "reference":
+            _by_reference(self, todo, found, threads)
+        elif todo:
+            _by_mujoco(self, todo, found, progress)
+        return {name: values.reshape(shape) for name, values in found.items()}
 
-    `progress` is called with the throws that are done, by the engine that does one after the other.
-    """
-    shape = tuple(part.stop - part.start for part in index)
-    names = list(job.design.sizes)
-    base = job.base
-    rows = [
-        job.design.point(dict(zip(names, place, strict=True)), base)
-        for place in product(*(range(part.start, part.stop) for part in index))
-    ]
-    found: dict[str, Any] = {name: np.full(len(rows), np.nan) for name in RESULTS}
-    found |= {name: np.full(len(rows), "", dtype=object) for name in WORDS}
-    stones: dict[tuple[Any, ...], Stone] = {}
-    todo: list[tuple[int, Stone, Throw, Water]] = []
-    for k, row in enumerate(rows):
-        try:
-            stone = _stone_of(job.stone, row, stones)
-            throw = replace(job.throw, **{n: row[n] for n in THROW if n in row})
-            todo.append((k, stone, throw, _water_of(job.water, row)))
-        except (ValueError, MjskipError) as error:
-            found["status"][k], found["reason"][k] = "refused", _line(error)
-    if todo and job.engine == "reference":
-        _by_reference(job, todo, found, threads)
-    elif todo:
-        _by_mujoco(job, todo, found, progress)
-    return {name: values.reshape(shape) for name, values in found.items()}
+    def request(self) -> dict[str, Any]:
+        """All that the results depend on, as JSON would have it: two equal ones give equal bytes."""
+        stone = self.stone
+        mark = hashlib.sha256()
+        for array in (stone.vertices, stone.faces, stone.inertia):
+            mark.update(np.ascontiguousarray(array).tobytes())
+        return {
+            "version": version("mjskip"),
+            "scene": None if self.scene is None else _named(self.scene.path),
+            "stone": {
+                "mass": stone.mass,
+                "triangles": len(stone.faces),
+                "radius": stone.radius,
+                "thickness": stone.thickness,
+                "sha256": mark.hexdigest()[:16],
+            },
+            "throw": asdict(self.throw),
+            "water": asdict(self.water),
+            "engine": self.engine,
+            "integrator": self.integrator,
+            "timestep": self.timestep,
+            "gravity": list(self.gravity),
+            "limits": asdict(self.limits),
+            "air": self.air if self.engine == "reference" else None,
+            "air_tolerance": AIR_TOLERANCE if self.engine == "reference" else None,
+            "design": self.design.summary(),
+        }
+
+
+def _named(file: Path) -> str:
+    """A file by its name and a mark of its contents."""
+    return f"{file.name} (sha256 {hashlib.sha256(file.read_bytes()).hexdigest()[:16]})"
 
 
 def _by_reference(job: Job, todo: list[Any], found: dict[str, Any], threads: int | None) -> None:

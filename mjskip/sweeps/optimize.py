@@ -15,6 +15,7 @@ from mjskip.checks import (
     check_count,
     check_mapping,
     check_number,
+    check_positive,
     check_type,
     check_vector,
     fault,
@@ -40,6 +41,9 @@ HAND: dict[str, float] = {
 
 NEIGHBOURS = 9
 """Values of each parameter that the neighbourhood looks at, over its whole range."""
+
+MAX_COUNT = 10**6
+"""Members, candidates and generations at most, each."""
 
 GOOD_FRACTION = 0.9
 """Part of the best mean that still counts as good in the neighbourhood."""
@@ -136,16 +140,21 @@ def optimize(
         ValueError: a range is not of a throw or has its ends the wrong way round, or no throw within the
             ranges can be made.
     """
+    check_type("stone", stone, Stone)
     base = Throw() if throw is None else check_type("throw", throw, Throw)
+    for name, given, kind in (("water", water, Water), ("limits", limits, Limits)):
+        if given is not None:
+            check_type(name, given, kind)
+    check_positive(timestep=timestep)
+    if threads is not None:
+        check_count("threads", threads)
     ranges = _checked_ranges(ranges, base)
     spread = _checked_scatter(HAND if scatter is None else scatter)
     check_choice("goal", goal, GOALS)
-    for name, count in (
-        ("members", members),
-        ("population", population),
-        ("generations", generations),
-    ):
-        check_count(name, count)
+    members = check_count("members", members, high=MAX_COUNT)
+    population = check_count("population", population, high=MAX_COUNT)
+    generations = check_count("generations", generations, high=MAX_COUNT)
+    seed = check_count("seed", seed, low=0)
     names = list(ranges)
     each = max(1, -(-population // len(names)))  # candidates by parameter, as SciPy counts
     thrown = each * len(names) * members * (generations + 1)

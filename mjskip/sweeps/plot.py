@@ -14,7 +14,6 @@ from mjskip._typing import Array
 from mjskip.errors import MjskipError
 from mjskip.files import check_folder, whole_file
 from mjskip.sweeps.design import MEMBER, SAMPLE
-from mjskip.sweeps.job import RESULTS
 from mjskip.throws.throw import PARAMETERS
 
 if TYPE_CHECKING:
@@ -30,7 +29,7 @@ MAX_COLOURS = 10
 
 
 def plot_sweep(
-    data: xr.Dataset, path: str | os.PathLike[str], *, result: str = "skips", dpi: int = 120
+    data: xr.Dataset, path: str | os.PathLike[str], *, result: str | None = None, dpi: int = 120
 ) -> None:
     """Draw one result of a sweep to a PNG (or whatever the suffix says).
 
@@ -41,16 +40,19 @@ def plot_sweep(
     Args:
         data: what `sweep` returned or `open_sweep` read.
         path: of the picture.
-        result: one of `mjskip.sweeps.job.RESULTS`.
+        result: one of the numbers in it; skips, or the first, if None.
         dpi: dots per inch.
 
     Raises:
         MjskipError: no matplotlib, or more dimensions than a picture has.
         ValueError: there is no such result.
     """
-    if result not in RESULTS:
-        raise ValueError(f"no result {result!r}: choose from {', '.join(RESULTS)}")
+    numbers = [str(name) for name, values in data.data_vars.items() if values.dtype.kind == "f"]
+    result = result or ("skips" if "skips" in numbers else numbers[0])
+    if result not in numbers:
+        raise ValueError(f"no result {result!r}: choose from {', '.join(numbers)}")
     check_picture(path)
+    data = data.assign({result: (data[result].dims, _shown(data[result]), data[result].attrs)})
     from matplotlib.figure import Figure
 
     wide = [str(d) for d in data.dims if data.sizes[d] > 1 and d != MEMBER]
@@ -119,7 +121,8 @@ def _map(axes: Any, data: xr.Dataset, across: list[str], result: str, label: str
     drawn = axes.pcolormesh(x, y, mean, shading="nearest", **_colours(all_, result))
     if np.isnan(mean).any():
         axes.set_facecolor("0.8")
-    share = _mean((data["skips"] >= 1).where(data["skips"].notnull()))
+    skips = data["skips"] if "skips" in data else data[result] * np.nan  # a run has none
+    share = _mean((skips >= 1).where(skips.notnull()))
     part = share.transpose(across[1], across[0]).fillna(0.0).values
     if part.min() < 0.5 <= part.max():
         axes.contour(x, y, part, levels=[0.5], colors="white", linewidths=2.0)
@@ -233,14 +236,22 @@ def _title(data: xr.Dataset) -> str:
     made = json.loads(data.attrs.get("request", "{}"))
     if not made:
         return ""
-    stone, throw, sizes = made["stone"], made["throw"], made["design"]["dimensions"]
+    sizes = made["design"]["dimensions"]
+    shape = " × ".join(f"{n} {k}" for k, n in sizes.items())
+    total = math.prod(sizes.values())
+    if "model" in made:
+        given = ", ".join(f"{name} {value}" for name, value in made["given"].items())
+        return (
+            f"{made['model'].partition(' ')[0]} {made['body']} {given}\n{total} runs ({shape}), "
+            f"{made['duration']:g} s without the first {made['settle']:g}, {1e3 * made['timestep']:.3g} ms steps"
+        )
+    stone, throw = made["stone"], made["throw"]
     varied = {*made["design"]["axes"], *made["design"]["samples"]}
     law = [] if "law" in varied else [made["water"]["law"]]
     fixed = {name: p for name, p in PARAMETERS.items() if throw[name] and name not in varied}
     parts = [f"{name} {p.text_of(throw[name])}" for name, p in fixed.items()]
-    total = math.prod(sizes.values())
     return (
         f"{1e3 * stone['mass']:.3g} g, radius {1e3 * stone['radius']:.3g} mm, {', '.join(parts + law)}\n"
-        f"{total} throws ({' × '.join(f'{n} {k}' for k, n in sizes.items())}), {made['engine']}, "
+        f"{total} throws ({shape}), {made['engine']}, "
         f"{1e3 * made['timestep']:.3g} ms steps"
     )

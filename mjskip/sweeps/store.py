@@ -16,15 +16,13 @@ import numpy as np
 
 from mjskip.errors import MjskipError
 from mjskip.files import reading, whole_file, writing
-from mjskip.sweeps.design import Design
-from mjskip.sweeps.job import RESULTS, WORDS
+from mjskip.sweeps.job import RESULTS, WORDS, Question
 
 if TYPE_CHECKING:
     import xarray as xr
 
 Index = tuple[slice, ...]
 WRITER = "`mjskip sweep --save`"
-TITLE = "stone skipping sweep, SI units, angles in radians"
 
 
 class Store(Protocol):
@@ -36,7 +34,7 @@ class Store(Protocol):
     def write(self, index: Index, found: dict[str, Any]) -> None:
         """Keep a chunk."""
 
-    def dataset(self, request: dict[str, Any]) -> xr.Dataset:
+    def dataset(self) -> xr.Dataset:
         """All of it."""
 
     def close(self) -> None:
@@ -46,11 +44,11 @@ class Store(Protocol):
 class MemoryStore:
     """Results in memory."""
 
-    def __init__(self, design: Design) -> None:
-        self._design = design
-        shape = tuple(design.sizes.values())
-        self._arrays: dict[str, Any] = {name: np.full(shape, np.nan) for name in RESULTS}
-        self._arrays |= {name: np.full(shape, "", dtype=object) for name in WORDS}
+    def __init__(self, job: Question) -> None:
+        self._job = job
+        shape = tuple(job.design.sizes.values())
+        self._arrays: dict[str, Any] = {name: np.full(shape, np.nan) for name in job.results}
+        self._arrays |= {name: np.full(shape, "", dtype=object) for name in job.words}
 
     def finished(self, index: Index) -> bool:
         """Whether this chunk is there."""
@@ -61,18 +59,23 @@ class MemoryStore:
         for name, values in found.items():
             self._arrays[name][index] = values
 
-    def dataset(self, request: dict[str, Any]) -> xr.Dataset:
+    def dataset(self) -> xr.Dataset:
         """All of it, as `open_sweep` would read it."""
         import xarray as xr
 
-        dims = list(self._design.sizes)
+        job = self._job
+        dims = list(job.design.sizes)
         return xr.Dataset(
             {
-                name: (dims, np.asarray(values, dtype=str if name in WORDS else None), about(name))
+                name: (
+                    dims,
+                    np.asarray(values, dtype=str if name in job.words else None),
+                    _about(job, name),
+                )
                 for name, values in self._arrays.items()
             },
-            coords=self._design.coordinates(),
-            attrs={"title": TITLE, "request": json.dumps(request)},
+            coords=job.design.coordinates(),
+            attrs={"title": job.title, "request": json.dumps(job.request())},
         )
 
     def close(self) -> None:
@@ -82,8 +85,8 @@ class MemoryStore:
 class ZarrStore:
     """Results in a Zarr group."""
 
-    def __init__(self, path: Path, group: Any, lock: Any) -> None:
-        self._path, self._group, self._lock = path, group, lock
+    def __init__(self, path: Path, group: Any, names: tuple[str, ...], lock: Any) -> None:
+        self._path, self._group, self._names, self._lock = path, group, names, lock
         self._status = group["status"][...]
 
     def finished(self, index: Index) -> bool:
@@ -93,10 +96,10 @@ class ZarrStore:
     def write(self, index: Index, found: dict[str, Any]) -> None:
         """Keep a chunk; its status last."""
         with writing(self._path):
-            for name in (*RESULTS, *WORDS):
+            for name in self._names:
                 self._group[name][index] = found[name]
 
-    def dataset(self, request: dict[str, Any]) -> xr.Dataset:
+    def dataset(self) -> xr.Dataset:
         """All of it."""
         return open_sweep(self._path)
 
@@ -105,20 +108,18 @@ class ZarrStore:
         self._lock.close()
 
 
-def open_store(
-    path: str | os.PathLike[str], design: Design, chunks: tuple[int, ...], request: dict[str, Any]
-) -> ZarrStore:
-    """Make a store for a design, or open the one that is there.
+def open_store(path: str | os.PathLike[str], job: Question, chunks: tuple[int, ...]) -> ZarrStore:
+    """Make a store for a sweep, or open the one that is there.
 
     Raises:
         MjskipError: there is something else, a store of another request, one that another process writes to, or no
             `zarr`.
     """
     zarr = _zarr()
-    path = Path(path)
+    path, request = Path(path), job.request()
     if not path.exists():
         with whole_file(path) as part:
-            _make(zarr.create_group(part), design, chunks, request)
+            _make(zarr.create_group(part), job, chunks, request)
     group = _group(zarr, path)
     lock = _locked(path)
     try:
@@ -127,7 +128,7 @@ def open_store(
             differ = list(_differences(made, json.loads(json.dumps(request))))
             if group["status"].chunks != chunks:
                 differ.append(f"chunk was {group['status'].chunks}, now {chunks}")
-            store = ZarrStore(path, group, lock)
+            store = ZarrStore(path, group, (*job.results, *job.words), lock)
         if differ:
             raise MjskipError(
                 f"{path} holds another sweep ({'; '.join(differ)}): ask for the same, or name another file"
@@ -171,17 +172,18 @@ def open_sweep(path: str | os.PathLike[str]) -> xr.Dataset:
     import xarray as xr
 
     path = Path(path)
-    _group(_zarr(), path)
+    group = _group(_zarr(), path)
     with (
         reading(path, what="a sweep", writer=WRITER),
         xr.open_zarr(path, consolidated=False, decode_times=False) as opened,
     ):
+        results = list(group.attrs.get("results", [*RESULTS, *WORDS]))
         data: xr.Dataset = opened.load()
     for name, variable in data.variables.items():
         if variable.dtype.kind == "T":
             words = np.array(variable.values.tolist(), dtype=str)
             data[name] = xr.Variable(variable.dims, words, variable.attrs)
-    results = [*RESULTS, *WORDS]
+    data.attrs.pop("results", None)
     return data.set_coords([name for name in data.data_vars if name not in results])[results]
 
 
@@ -190,16 +192,20 @@ def is_sweep(path: str | os.PathLike[str]) -> bool:
     return (Path(path) / "zarr.json").is_file()
 
 
-def about(name: str) -> dict[str, str]:
+def _about(job: Question, name: str) -> dict[str, str]:
     """Attributes of a result."""
-    if name in WORDS:
-        return {"long_name": WORDS[name]}
-    units, text = RESULTS[name]
+    if name in job.words:
+        return {"long_name": job.words[name]}
+    units, text = job.results[name]
     return {"units": units, "long_name": text}
 
 
-def _make(group: Any, design: Design, chunks: tuple[int, ...], request: dict[str, Any]) -> None:
-    group.attrs.update({"title": TITLE, "request": json.dumps(request)})
+def _make(group: Any, job: Question, chunks: tuple[int, ...], request: dict[str, Any]) -> None:
+    design, names = job.design, [*job.results, *job.words]
+    attributes = {"title": job.title, "request": json.dumps(request)}
+    group.attrs.update(
+        attributes if names == [*RESULTS, *WORDS] else attributes | {"results": names}
+    )
     for name, (dim, values, attributes) in design.coordinates().items():
         words = values.dtype.kind == "U"
         array = group.create_array(
@@ -207,12 +213,12 @@ def _make(group: Any, design: Design, chunks: tuple[int, ...], request: dict[str
             dimension_names=(dim,), attributes=attributes,
         )  # fmt: skip
         array[...] = values.astype(object) if words else values
-    for name in (*RESULTS, *WORDS):
-        number = name in RESULTS
+    for name in names:
+        number = name in job.results
         group.create_array(
             name, shape=tuple(design.sizes.values()), chunks=chunks,
             dtype="f8" if number else str, fill_value=np.nan if number else "",
-            dimension_names=tuple(design.sizes), attributes=about(name),
+            dimension_names=tuple(design.sizes), attributes=_about(job, name),
         )  # fmt: skip
 
 

@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import hashlib
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
-from importlib.metadata import version
 from itertools import product
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,9 +14,9 @@ from mjskip.checks import check_choice, check_count, check_path, check_positive,
 from mjskip.errors import MjskipWarning
 from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
-from mjskip.sweeps.batch import AIR_TOLERANCE, AIRS, MAX_THREADS, Air
+from mjskip.sweeps.batch import AIRS, MAX_THREADS, Air
 from mjskip.sweeps.design import Design
-from mjskip.sweeps.job import Job, run_chunk
+from mjskip.sweeps.job import Job, Question, run_chunk
 from mjskip.sweeps.store import MemoryStore, Store, open_store
 from mjskip.throws.engines import INTEGRATORS
 from mjskip.throws.recording import Limits
@@ -95,51 +91,65 @@ def sweep(
         scatter={} if scatter is None else scatter,
     )
     job = _job(scene, design, throw, water, engine, integrator, timestep, limits, air)
+    job.limits.check_steps(job.timestep, bodies=int(engine == "mujoco"))
+    _warn_timestep(job)
+    return ask(job, path=path, chunk=chunk, threads=threads, scheduler=scheduler, progress=progress)
+
+
+def ask(
+    job: Question,
+    *,
+    path: PathLike | None,
+    chunk: int,
+    threads: int | None,
+    scheduler: str | None,
+    progress: Progress | None,
+) -> xr.Dataset:
+    """Do a sweep chunk by chunk, here or on a cluster; arguments as for `sweep`."""
     check_count("chunk", chunk)
     if threads is not None:
         check_count("threads", threads, high=MAX_THREADS)
     if scheduler is not None:
         check_type("scheduler", scheduler, str, "give an address such as tcp://127.0.0.1:8786")
-    job.limits.check_steps(job.timestep, bodies=int(engine == "mujoco"))
-    _warn_timestep(job)
-    shape = chunk_shape(tuple(design.sizes.values()), chunk)
-    place: Store = _store(path, design, shape, job)
+    shape = chunk_shape(tuple(job.design.sizes.values()), chunk)
+    place: Store = (
+        MemoryStore(job) if path is None else open_store(check_path("path", path), job, shape)
+    )
     try:
         _finish(place, job, shape, threads, scheduler, progress)
-        return place.dataset(request(job))
+        return place.dataset()
     finally:
         place.close()
 
 
 def _finish(
     place: Store,
-    job: Job,
+    job: Question,
     shape: tuple[int, ...],
     threads: int | None,
     scheduler: str | None,
     progress: Progress | None,
 ) -> None:
     """Do the chunks that the store lacks."""
-    design = job.design
     todo, done = [], 0
-    for index in _chunks(design, shape):
+    for index in _chunks(job.design, shape):
         if place.finished(index):
             done += _size(index)
         else:
             todo.append(index)
     if progress:
-        progress(done, design.size)
+        progress(done, job.design.size)
 
     def take(index: tuple[slice, ...], found: dict[str, Any]) -> None:
         nonlocal done
         place.write(index, found)
         done += _size(index)
         if progress:
-            progress(done, design.size)
+            progress(done, job.design.size)
 
     def tell(within: int) -> None:
         if progress:
-            progress(done + within, design.size)
+            progress(done + within, job.design.size)
 
     if scheduler is None:
         for index in todo:
@@ -148,12 +158,6 @@ def _finish(
         from mjskip.sweeps.cluster import run_on_cluster
 
         run_on_cluster(scheduler, job, todo, take)
-
-
-def _store(path: PathLike | None, design: Design, shape: tuple[int, ...], job: Job) -> Store:
-    if path is None:
-        return MemoryStore(design)
-    return open_store(check_path("path", path), design, shape, request(job))
 
 
 def chunk_shape(sizes: tuple[int, ...], most: int) -> tuple[int, ...]:
@@ -224,40 +228,6 @@ def _job(
         gravity=gravity,
         air=air,
     )
-
-
-def request(job: Job) -> dict[str, Any]:
-    """All that the results depend on, as JSON would have it: two equal ones give equal bytes."""
-    stone = job.stone
-    mark = hashlib.sha256()
-    for array in (stone.vertices, stone.faces, stone.inertia):
-        mark.update(np.ascontiguousarray(array).tobytes())
-    return {
-        "version": version("mjskip"),
-        "scene": None if job.scene is None else _named(job.scene.path),
-        "stone": {
-            "mass": stone.mass,
-            "triangles": len(stone.faces),
-            "radius": stone.radius,
-            "thickness": stone.thickness,
-            "sha256": mark.hexdigest()[:16],
-        },
-        "throw": asdict(job.throw),
-        "water": asdict(job.water),
-        "engine": job.engine,
-        "integrator": job.integrator,
-        "timestep": job.timestep,
-        "gravity": list(job.gravity),
-        "limits": asdict(job.limits),
-        "air": job.air if job.engine == "reference" else None,
-        "air_tolerance": AIR_TOLERANCE if job.engine == "reference" else None,
-        "design": job.design.summary(),
-    }
-
-
-def _named(file: Path) -> str:
-    """A file by its name and a mark of its contents."""
-    return f"{file.name} (sha256 {hashlib.sha256(file.read_bytes()).hexdigest()[:16]})"
 
 
 def _warn_timestep(job: Job) -> None:

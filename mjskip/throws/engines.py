@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import ctypes
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from types import TracebackType
 from typing import Protocol
@@ -13,9 +13,11 @@ import mujoco
 import numpy as np
 
 from mjskip._typing import Array
+from mjskip.checks import fault
 from mjskip.coupling._struct_layout import library
 from mjskip.coupling.attach import Coupling, attach
 from mjskip.coupling.bodies import find_body
+from mjskip.coupling.water_surface import PluginSea, WaterSurface, model_surface
 from mjskip.coupling.wet import THROWN_OPTIONS, centre_of_mass
 from mjskip.errors import DivergedError, SceneError
 from mjskip.hydro.wrench import entry_address, wrench_address
@@ -73,6 +75,9 @@ class Engine(Protocol):
 
     def before_step(self) -> None:
         """Move the arm."""
+
+    def after_step(self) -> None:
+        """Let whoever observes see the data."""
 
     def couple(self, water: CoupledWater) -> None:
         """Have the loads from moving water from now on."""
@@ -168,6 +173,9 @@ class ReferenceEngine:
     def before_step(self) -> None:
         """There is no arm."""
 
+    def after_step(self) -> None:
+        """There is no data."""
+
     def couple(self, water: CoupledWater) -> None:
         """Have the loads from moving water from now on."""
         assert self._kicked is not None
@@ -197,10 +205,9 @@ class MujocoEngine:
         del over_waves
         model = copy.copy(scene.model)
         if integrator is not None:
-            if integrator not in INTEGRATORS:
-                raise ValueError(
-                    f"integrator is {integrator!r}: the mujoco engine has {', '.join(INTEGRATORS)}"
-                )
+            if not isinstance(integrator, str) or integrator not in INTEGRATORS:
+                has = ", ".join(INTEGRATORS)
+                raise fault("integrator", integrator, f"the mujoco engine has {has}")
             model.opt.integrator = INTEGRATORS[integrator]
         self.integrator = next(n for n, code in INTEGRATORS.items() if code == model.opt.integrator)
         self.stages = 4 if self.integrator == "RK4" else 1
@@ -218,7 +225,9 @@ class MujocoEngine:
         self._sound = 0.0  # when it was last checked: MuJoCo's own clock begins anew if it diverges
         self._arm = scene.arm
         self._afloat = scene.afloat
+        self.jointed = scene.afloat or model.nv != 6 * len(self.names)
         self.acts = bool(scene.arm.controls or scene.arm.release_times)
+        self.observe: Callable[[mujoco.MjData], None] | None = None
         self._water = None if scene.plugged else scene.water
         self._open = ExitStack()
         self._coupling: Coupling | None = None
@@ -255,19 +264,32 @@ class MujocoEngine:
     def advance(self, steps: int) -> Array:
         """Move on over still water by some steps: states (steps, n, 18) after each."""
         states = np.empty((steps, len(self.names), STATE))
-        if self.model.nv == 6 * len(self.names) and not self.acts:
+        alone = self.model.nv == 6 * len(self.names) and self.observe is None
+        if alone and not self.acts:
             kernels.advance(self.step, self.context, states)
             return states
         for row in states:  # what may run out of memory is stepped where MuJoCo's errors are caught
             self.before_step()
             mujoco.mj_step(self.model, self.data)
             row[:] = self.states()
+            self.after_step()
         return states
 
     def before_step(self) -> None:
         """Move the arm."""
         if self.acts:
             self._arm.act(self.model, self.data)
+
+    def after_step(self) -> None:
+        """Let `observe` see the data."""
+        if self.observe is not None:
+            self.observe(self.data)
+
+    def surface(self) -> WaterSurface | PluginSea | Coupling | None:
+        """The moving water under what floats: the plugin's, or that of bodies that radiate; None if it is still."""
+        if self._coupling is not None:
+            return self._coupling if self._coupling.surface is not None else None
+        return model_surface(self.model, self.data)
 
     def couple(self, water: CoupledWater) -> None:
         """Have the loads from moving water from now on."""

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from mjskip._typing import Array
-from mjskip.checks import check_memory, check_number, check_positive
+from mjskip.checks import check_memory, check_number, check_positive, check_vector
 from mjskip.errors import DivergedError
 from mjskip.hydro.columns import CLEARANCE, LOAD, load_columns
 from mjskip.hydro.stone import Stone
@@ -81,10 +81,15 @@ class Limits:
         )  # fmt: skip
 
     def rules(self, walls: tuple[float, float, float, float] | None = None) -> Array:
-        """For the kernels (RULES,); walls of the lake: west, east, south, north [m]."""
+        """The limits as the kernels take them (RULES,).
+
+        Args:
+            walls: of a bounded field: west, east, south, north [m].
+        """
         rules = np.empty(kernels.RULES)
         rules[: kernels.WEST] = astuple(self)
-        rules[kernels.WEST :] = walls or (-np.inf, np.inf, -np.inf, np.inf)
+        unbounded = (-np.inf, np.inf, -np.inf, np.inf)
+        rules[kernels.WEST :] = unbounded if walls is None else check_vector("walls", walls, 4)
         return rules
 
 

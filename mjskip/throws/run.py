@@ -90,7 +90,7 @@ class Run:
             DivergedError: a force or a state is not finite.
         """
         if isinstance(self._water, CoupledWater):
-            parts = 1 if not self.engine.acts else steps
+            parts = steps if self.engine.acts else 1
             blocks = []
             for _ in range(parts):
                 self.engine.before_step()
@@ -98,6 +98,7 @@ class Run:
                     self.engine, self._states, steps // parts
                 )
                 self._states = path[-1]
+                self.engine.after_step()
                 blocks.append((path[:-1], loads, reactions))
             block = Block(*(np.concatenate(part) for part in zip(*blocks, strict=True)))
             self.engine.check()

@@ -107,8 +107,14 @@ class Scene:
         return self.stones[self.body]
 
     def water_of(self, body: str) -> Water:
-        """The fluid about a body: its plugin's, or the scene's."""
-        return self.plugged.get(body, self.water)
+        """The fluid about a body: its plugin's, or the scene's.
+
+        Args:
+            body: its name.
+        """
+        return self.plugged.get(
+            check_type("body", body, str, "give the name of a body"), self.water
+        )
 
     def field(self) -> HeightField:
         """Fresh water of this scene: endless if its boundary absorbs, else between its walls or periodic.
@@ -129,6 +135,9 @@ class Scene:
         """This scene with other throw settings, SI and radians.
 
         The chosen body takes them all; the others keep what the scene gives to them alone.
+
+        Args:
+            changes: fields of `Throw`.
 
         Raises:
             ValueError: a value is out of range, or the body is thrown by a robot.
@@ -184,7 +193,7 @@ def load_scene(
             setting that is unknown or out of range.
         MeshError: a stone's mesh is not closed.
     """
-    file = _find(path)
+    file = find_scene(path)
     if body is not None:
         check_type("body", body, str, "give the name of a free body")
     model = load_model(file, sea=sea)
@@ -243,7 +252,22 @@ def _with_prefix(settings: Mapping[str, Any], prefix: str) -> dict[str, Any]:
     return {k.removeprefix(prefix): v for k, v in settings.items() if k.startswith(prefix)}
 
 
-def _find(path: PathLike) -> Path:
+def is_afloat(path: PathLike) -> bool:
+    """Whether nothing is thrown in a scene, by what its file says; False if it does not compile."""
+    try:
+        model = load_model(find_scene(path))
+    except SceneError:
+        return False
+    settings = (model.numeric(k) for k in range(model.nnumeric))
+    return any(one.name == PREFIX + AFLOAT and one.data[0] == 1.0 for one in settings)
+
+
+def find_scene(path: PathLike) -> Path:
+    """The file of a scene, or of a shipped one by its name.
+
+    Raises:
+        SceneError: there is none.
+    """
     file = check_path("scene", path)
     if file.is_file():
         return file

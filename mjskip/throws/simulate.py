@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, replace
 from functools import cache
 from importlib.metadata import version
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from mjskip.errors import MjskipWarning
 from mjskip.hydro.stone import Stone
 from mjskip.rigid.attitude import angles, matrices
 from mjskip.throws.engines import MujocoEngine, ReferenceEngine, release_states
+from mjskip.throws.model_recording import ModelRecorder
 from mjskip.throws.recording import Limits, Recorder
 from mjskip.throws.reference import integrate
 from mjskip.throws.run import Run
@@ -110,34 +111,38 @@ def simulate_all(
         ValueError: an option is not allowed.
         DivergedError: a force or a motion is not finite.
     """
+    waves = surface == "waves"
     scene = scene if isinstance(scene, Scene) else load_scene(scene)
     if throw is not None:
         scene = scene.rethrow(**asdict(check_type("throw", throw, Throw)))
     limits = Limits() if limits is None else check_type("limits", limits, Limits)
-    check_switch("frozen_attitude", frozen_attitude)
     timestep = float(scene.model.opt.timestep) if timestep is None else timestep
+    if record is not None:
+        check_type("record", record, SurfaceFrames, "give a mjskip.waves.SurfaceFrames")
+    check_switch("frozen_attitude", frozen_attitude)
     check_choice("engine", engine, ENGINES)
     check_choice("surface", surface, SURFACES)
     check_positive(timestep=timestep)
-    _check_options(scene, engine, timestep, limits, frozen_attitude=frozen_attitude, waves=surface == "waves")  # fmt: skip
+    _check_options(scene, engine, timestep, limits, frozen_attitude=frozen_attitude, waves=waves)
     if scene.afloat:
         limits = replace(limits, max_contact=max(limits.max_contact, 2.0 * limits.duration))
     for name in () if scene.afloat else scene.stones.keys() - scene.held:
         _warn_timestep(name, scene.stones[name], scene.throws[name], timestep)
     if frozen_attitude:
         scene = replace(scene, throws={n: replace(t, spin=0.0) for n, t in scene.throws.items()})
+
     make = MujocoEngine if engine == "mujoco" else ReferenceEngine
     machine: MujocoEngine | ReferenceEngine = make(
-        scene, integrator, timestep, frozen_attitude=frozen_attitude, over_waves=surface == "waves"
+        scene, integrator, timestep, frozen_attitude=frozen_attitude, over_waves=waves
     )
     gravity = scene.model.opt.gravity.copy()
-    field = scene.field() if surface == "waves" or record is not None else None
+    field = scene.field() if waves or record is not None else None
     recorder = None
     if field is not None and record is not None:
         record.check_duration(limits.duration, timestep)
         recorder = SurfaceRecorder(record, field, timestep=timestep)
     walls = None
-    if field is not None and surface == "waves":
+    if field is not None and waves:
         _check_field(scene, field, timestep, engine)
         walls = _walls(field)
     logs = {
@@ -146,39 +151,46 @@ def simulate_all(
     }
     warm_up()
     begun = time.perf_counter()
+    model_log = None
     with machine:
+        if isinstance(machine, MujocoEngine) and machine.jointed:
+            model_log = ModelRecorder(
+                machine.data, timestep=timestep, frames=record, surface=machine.surface(), middle=_middle(scene)
+            )  # fmt: skip
+            machine.observe = model_log.step
         run = Run(
-            scene, machine, timestep, field=field, feel=surface == "waves", load_radius=load_radius,
-            recorder=recorder,
+            scene, machine, timestep, field=field, feel=waves, load_radius=load_radius, recorder=recorder
         )  # fmt: skip
         _follow(run, logs, timestep, round(limits.duration / timestep), progress)
     wall = time.perf_counter() - begun
+
     trajectories = {name: log.trajectory({}) for name, log in logs.items()}
     thrown = {name: _thrown(scene, name, trajectories[name]) for name in scene.held}
     scene = replace(scene, throws={**scene.throws, **thrown})
+    common = {
+        "engine": engine, "integrator": machine.integrator, "timestep": timestep, "surface": surface,
+        "frozen_attitude": frozen_attitude, "limits": asdict(limits), "wall_seconds": wall,
+        **({"load_radius": load_radius} if waves else {}),
+    }  # fmt: skip
     for name, trajectory in trajectories.items():
-        trajectory.attributes.update(
-            version=version("mjskip"),
-            scene=str(scene.path),
-            body=name,
-            engine=engine,
-            integrator=machine.integrator,
-            timestep=timestep,
-            gravity=gravity.tolist(),
-            surface=surface,
-            frozen_attitude=frozen_attitude,
-            afloat=scene.afloat,
-            throw=asdict(scene.throws[name]),
-            water=asdict(scene.water_of(name)),
-            limits=asdict(limits),
-            wall_seconds=wall,
-        )
-        if surface == "waves":
-            trajectory.attributes["load_radius"] = load_radius
-    if recorder is not None:
-        recording = recorder.recording
-        trajectories = {n: replace(t, surface=recording) for n, t in trajectories.items()}
-    return trajectories
+        trajectory.attributes.update(_provenance(scene, name), **common)
+    recording = recorder.recording if recorder is not None else None
+    qpos = None
+    if model_log is not None:
+        recording, qpos = model_log.recording or recording, np.array(model_log.qpos)
+    return {
+        name: replace(one, surface=recording, qpos=None if qpos is None else qpos[: len(one.time)])
+        for name, one in trajectories.items()
+    }
+
+
+def _provenance(scene: Scene, name: str) -> dict[str, Any]:
+    """What a stone of a scene was, for the attributes of its trajectory."""
+    return {
+        "version": version("mjskip"), "scene": str(scene.path), "body": name, "afloat": scene.afloat,
+        "gravity": scene.model.opt.gravity.tolist(), "throw": asdict(scene.throws[name]),
+        "water": asdict(scene.water_of(name)),
+    }  # fmt: skip
 
 
 def _follow(
@@ -287,6 +299,12 @@ def _check_field(scene: Scene, field: HeightField, timestep: float, engine: Engi
             MjskipWarning,
             stacklevel=3,
         )
+
+
+def _middle(scene: Scene) -> tuple[float, float]:
+    """Where the chosen body begins (x, y) [m]."""
+    x, y, _ = scene.model.body_pos[find_body(scene.model, scene.body)].tolist()
+    return x, y
 
 
 def _walls(field: HeightField) -> tuple[float, float, float, float] | None:

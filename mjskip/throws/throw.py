@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from mjskip._typing import Array
-from mjskip.checks import as_number, fault
+from mjskip.checks import as_number, check_number, check_type, fault
+from mjskip.hydro.hull import Hull
 from mjskip.hydro.stone import Stone
 from mjskip.rigid.attitude import quaternions, release_attitude
 
@@ -154,13 +155,33 @@ class Throw:
         wobble: float = 0.0,
         height: float = 0.3,
     ) -> Throw:
-        """The same throw with angles in degrees, spin and wobble in revolutions per second."""
+        """The same throw in the units of the command line.
+
+        Args:
+            speed: of the centre of mass [m/s].
+            spin: about the disc normal [rev/s].
+            attack: tilt of the disc to the water against the heading, nose up [degrees].
+            descent: of the path below the horizontal [degrees].
+            bank: of the disc to the left of the heading [degrees].
+            wobble: rate about an axis across the disc normal [rev/s].
+            height: of the lowest point above the water [m].
+
+        Raises:
+            ValueError: a value is no number, or out of range.
+        """
         shown = (speed, spin, attack, descent, bank, wobble, height)
         pairs = zip(PARAMETERS.values(), shown, strict=True)
         return cls(**{parameter.name: parameter.to_si(value) for parameter, value in pairs})
 
     def state(self, stone: Stone, *, x: float = 0.0, y: float = 0.0) -> State:
-        """The stone as it leaves the hand above (x, y) [m]."""
+        """The stone as it leaves the hand.
+
+        Args:
+            stone: the body.
+            x, y: place of its centre of mass [m].
+        """
+        check_type("stone", stone, Hull)
+        x, y = check_number("x", x, unit="m"), check_number("y", y, unit="m")
         rotation = release_attitude(stone.disc_normal, self.attack, self.bank)
         lowest = float((stone.vertices @ rotation[2]).min())
         normal = rotation @ stone.disc_normal

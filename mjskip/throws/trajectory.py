@@ -126,6 +126,8 @@ class Trajectory:
         end: why it ended, one of `ENDS`.
         mass: [kg].
         attributes: provenance: scene, body, engine, integrator, timestep, throw, water, version.
+        qpos: MuJoCo's coordinates (n, nq) of a model that has more joints than those of its free bodies, or of
+            what floats; None otherwise; not in files.
         surface: the water as the run had it, shared by all of its stones, if it was recorded; not in files.
     """
 
@@ -148,6 +150,7 @@ class Trajectory:
     end: str
     mass: float
     attributes: dict[str, Any] = field(default_factory=dict)
+    qpos: Array | None = field(default=None, compare=False, repr=False)
     surface: SurfaceRecording | None = field(default=None, compare=False, repr=False)
 
     def __repr__(self) -> str:
@@ -210,6 +213,9 @@ class Trajectory:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write a NetCDF-4 file; it appears whole or not at all.
 
+        Args:
+            path: the file.
+
         Raises:
             MjskipError: the folder does not exist or cannot be written to.
         """
@@ -220,6 +226,9 @@ class Trajectory:
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Trajectory:
         """Read what `save` wrote.
+
+        Args:
+            path: the file.
 
         Raises:
             MjskipError: the file is missing or is not such a file.

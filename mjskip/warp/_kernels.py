@@ -36,6 +36,18 @@ class WetBody:
 
 
 @wp.struct
+class Motion:
+    """Pose and motion of a wet body: turn to the world; height of its centre of mass, vertical, velocity and angular
+    velocity in its own axes."""
+
+    turn: wp.mat33
+    height: float
+    up: wp.vec3
+    velocity: wp.vec3
+    omega: wp.vec3
+
+
+@wp.struct
 class Wet:
     """Immersed part of a triangle: its share of the area and its centroid."""
 
@@ -129,6 +141,31 @@ def column(a0: wp.vec3, ha0: float, b0: wp.vec3, hb0: float, c0: wp.vec3, hc0: f
     return out
 
 
+@wp.func
+def motion_of(
+    wet: WetBody, world: int, body_rootid: wp.array[int],
+    xpos: wp.array2d[wp.vec3], xmat: wp.array2d[wp.mat33],
+    cvel: wp.array2d[wp.spatial_vector], subtree_com: wp.array2d[wp.vec3],
+) -> Motion:  # fmt: skip
+    """How a body moves in a world: MuJoCo keeps velocities about the centre of mass of the whole tree."""
+    body = wet.body
+    turn = xmat[world, body]
+    place = xpos[world, body] + turn * wet.centre
+    motion = cvel[world, body]
+    spin = wp.spatial_top(motion)
+    centre_velocity = wp.spatial_bottom(motion) + wp.cross(
+        spin, place - subtree_com[world, body_rootid[body]]
+    )
+    back = wp.transpose(turn)
+    out = Motion()
+    out.turn = turn
+    out.height = place[2]
+    out.up = wp.vec3(turn[2, 0], turn[2, 1], turn[2, 2])
+    out.velocity = back * centre_velocity
+    out.omega = back * spin
+    return out
+
+
 @wp.kernel
 def wet_wrench(
     # bodies and triangles
@@ -157,19 +194,12 @@ def wet_wrench(
     """
     world, k = wp.tid()
     wet = bodies[k]
-    body = wet.body
-    turn = xmat[world, body]
-    place = xpos[world, body] + turn * wet.centre
-    motion = cvel[world, body]
-    spin = wp.spatial_top(motion)
-    centre_velocity = wp.spatial_bottom(motion) + wp.cross(
-        spin, place - subtree_com[world, body_rootid[body]]
-    )
-    back = wp.transpose(turn)
-    velocity = back * centre_velocity
-    omega = back * spin
-    up = wp.vec3(turn[2, 0], turn[2, 1], turn[2, 2])
-    z = place[2]
+    motion = motion_of(wet, world, body_rootid, xpos, xmat, cvel, subtree_com)
+    turn = motion.turn
+    velocity = motion.velocity
+    omega = motion.omega
+    up = motion.up
+    z = motion.height
 
     # air, on the disc
     vn = wp.dot(velocity + wp.cross(omega, wet.disc_centre), wet.disc_normal)

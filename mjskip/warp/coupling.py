@@ -21,9 +21,12 @@ from mjskip.coupling.plugin import NAME, plugin_bodies, plugin_water
 from mjskip.coupling.selection import select
 from mjskip.coupling.wet import HullOptions, hull_of, inertia_of
 from mjskip.errors import SceneError
+from mjskip.hydro._block import OUTLINE
 from mjskip.hydro.hull import Hull
 from mjskip.hydro.laws import LAWS
+from mjskip.hydro.packing import pack, planes_of
 from mjskip.hydro.water import Water
+from mjskip.warp import _integral_kernels as integrals
 from mjskip.warp import _kernels as kernels
 
 
@@ -70,7 +73,7 @@ def attach(
         warp_model: from `mujoco_warp.put_model`.
         mujoco_model: the model it was made of, before `strip_plugin`: its mass, inertia and geoms are read here, once.
         water: the fluid. If omitted, bodies that carry plugin mjskip.water have what the plugin says; `Water()` if there
-            are none. Laws whose loads are integrated over faces (`..._forward`, `quadrature`) are not known here.
+            are none. It is still: what radiates is not known here.
         bodies: names or ids of the bodies. If omitted, those of the plugin, or else all moving bodies of free trees.
 
     Returns:
@@ -78,7 +81,7 @@ def attach(
 
     Raises:
         SceneError: no such body, or none at all.
-        ValueError: a law that is not known here, or an argument of a wrong type.
+        ValueError: water that is not known here, or an argument of a wrong type.
     """
     check_type("mujoco_model", mujoco_model, mujoco.MjModel, "give a compiled mujoco.MjModel")
     if not hasattr(getattr(warp_model, "callback", None), "passive"):
@@ -118,6 +121,9 @@ class WarpWater:
     _model: Any = field(default=None, repr=False)
     _device: Any = field(default=None, repr=False)
     _before: Callable[[Any, Any], None] | None = field(default=None, repr=False)
+    _laws: Any = field(default=None, repr=False)
+    _segments: Any = field(default=None, repr=False)
+    _max_edges: int = field(default=0, repr=False)
 
     def __call__(self, m: Any, d: Any) -> None:
         """Add the water's forces to `d.qfrc_passive`."""
@@ -138,6 +144,8 @@ class WarpWater:
             outputs=[self.force, self.torque, self.wetted_area],
             device=self._device,
         )  # fmt: skip
+        if self._laws is not None:
+            self._add_face_laws(m, d)
         wp.launch(
             kernels.add_to_passive,
             dim=(worlds, m.nv),
@@ -146,6 +154,25 @@ class WarpWater:
                 self.force, self.torque,
             ],
             outputs=[d.qfrc_passive],
+            device=self._device,
+        )  # fmt: skip
+
+    def _add_face_laws(self, m: Any, d: Any) -> None:
+        """Loads of laws that are integrated over faces."""
+        shape = (d.nworld, self._laws.shape[0])
+        if self._segments is None or self._segments.shape[0] != d.nworld:
+            room = (*shape, max(2 * self._max_edges, 1))
+            self._segments = wp.zeros(room, dtype=wp.vec4, device=self._device)
+            self._crossings = wp.zeros(room, dtype=wp.vec3, device=self._device)
+        wp.launch(
+            integrals.add_face_laws,
+            dim=shape,
+            inputs=[
+                self._laws, self._bodies, *self._corners, self._normals, self._planes, *self._edges,
+                m.body_rootid, d.xpos, d.xmat, d.cvel, d.subtree_com,
+                self._segments, self._crossings,
+            ],
+            outputs=[self.force, self.torque],
             device=self._device,
         )  # fmt: skip
 
@@ -171,6 +198,36 @@ class WarpWater:
         self._normals = wp.array(normals, dtype=wp.vec3, device=device)
         self._areas = wp.array(areas.astype(np.float32), dtype=float, device=device)
         self._moves = wp.array(_moved(model, list(self.bodies)), dtype=int, device=device)
+        self._upload_face_laws(wet)
+
+    def _upload_face_laws(self, wet: list[_Wet]) -> None:
+        """Laws that are integrated over faces, and the plane faces of bodies whose law acts forward."""
+        laws: list[Any] = []
+        planes: list[Any] = []
+        edges: list[Array] = [np.zeros((0, 6))]
+        for number, one in enumerate(wet):
+            if not _integrated(one.water):
+                continue
+            law = _face_law(one, number)
+            if law.forward:
+                faces = planes_of(pack(one.hull, one.water))
+                law.first, law.count = len(planes), len(faces)
+                for face in faces:
+                    outline = face[OUTLINE:].reshape(-1, 6)
+                    planes.append(_plane_face(face, sum(map(len, edges)), len(outline)))
+                    edges.append(outline)
+                    self._max_edges = max(self._max_edges, len(outline))
+            laws.append(law)
+        if not laws:
+            return
+        device = self._device
+        ends = np.concatenate(edges).astype(np.float32)
+        self._laws = wp.array(laws, dtype=integrals.FaceLaw, device=device)
+        self._planes = wp.array(planes, dtype=integrals.PlaneFace, device=device)
+        self._edges = [
+            wp.array(ends[:, :3].copy(), dtype=wp.vec3, device=device),
+            wp.array(ends[:, 3:].copy(), dtype=wp.vec3, device=device),
+        ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,11 +263,37 @@ def _wet_bodies(
 
 
 def _check_known(water: Water) -> None:
-    """Refuse what is integrated over faces, which is not here."""
-    if LAWS[water.law].forward or water.quadrature:
-        known = ", ".join(name for name, law in LAWS.items() if not law.forward)
-        what = "quadrature is True" if water.quadrature else f"law is {water.law!r}"
-        raise ValueError(f"{what}: for Warp use one of {known}, without quadrature")
+    """Refuse what is not here."""
+    if water.radiation:
+        raise ValueError(
+            "radiation is True: for Warp water is still; use Water.floating(), which bears and rubs"
+        )
+    if water.added_mass:
+        raise ValueError(f"added_mass is {water.added_mass:g}: for Warp leave it out")
+
+
+def _integrated(water: Water) -> bool:
+    """Whether the law's load is integrated over faces, not taken at the centroids of triangles."""
+    return LAWS[water.law].forward or water.quadrature
+
+
+def _face_law(one: _Wet, number: int) -> Any:
+    water, law = one.water, LAWS[one.water.law]
+    found = integrals.FaceLaw()
+    found.wet, found.forward, found.local = number, int(law.forward), int(water.gate == "local")
+    found.squared = water.density * law.normal_squared
+    found.mixed = water.density * law.speed_normal
+    found.plain = water.density * law.speed_squared
+    found.friction = water.density * law.friction
+    found.cavity = water.density * law.cavity
+    return found
+
+
+def _plane_face(face: Array, first: int, count: int) -> Any:
+    found = integrals.PlaneFace()
+    found.normal, found.distance = wp.vec3(*face[:3]), float(face[3])
+    found.first, found.count = first, count
+    return found
 
 
 def _constants(one: _Wet, first: int) -> Any:
@@ -220,10 +303,11 @@ def _constants(one: _Wet, first: int) -> Any:
     wet.centre = wp.vec3(*one.centre)
     wet.radius = stone.radius
     wet.local = int(water.gate == "local")
-    wet.squared = water.density * law.normal_squared
-    wet.mixed = water.density * law.speed_normal
-    wet.plain = water.density * law.speed_squared
-    wet.friction = water.density * law.friction
+    if not _integrated(water):
+        wet.squared = water.density * law.normal_squared
+        wet.mixed = water.density * law.speed_normal
+        wet.plain = water.density * law.speed_squared
+        wet.friction = water.density * law.friction
     wet.weight = water.density if water.buoyancy else 0.0
     wet.skin = water.density if water.skin_friction else 0.0
     wet.viscosity = water.viscosity

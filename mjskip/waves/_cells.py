@@ -7,7 +7,6 @@ from collections.abc import Callable
 from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from mjskip._typing import Array, Flags, SingleArray
 from mjskip.checks import check_memory, check_number, fault
@@ -43,7 +42,11 @@ class CellBlocks:
     _margin: int
 
     def contains(self, x: float, y: float) -> bool:
-        """Whether a point is inside the walls, if there are any."""
+        """Whether a point is inside the walls, if there are any.
+
+        Args:
+            x, y: of the point [m].
+        """
         if self.shape is None or self.boundary == "periodic":
             return True
         return (
@@ -52,7 +55,11 @@ class CellBlocks:
         )
 
     def cell_position(self, i: int, j: int) -> tuple[float, float]:
-        """Where a stored cell is [m]."""
+        """Where a cell is (x, y) [m].
+
+        Args:
+            i, j: of the stored cells, those outside an absorbing field included.
+        """
         margin = self._margin
         return (
             float(self._positions(0, i - margin, 1)[0]),
@@ -185,27 +192,14 @@ class CellBlocks:
         return found
 
 
-def checked_shape(shape: tuple[int, int]) -> tuple[int, int]:
-    """Two whole numbers of at least 3."""
+def checked_shape(shape: tuple[int, int], low: int = 3) -> tuple[int, int]:
+    """Two whole numbers that are not too low."""
     try:
         nx, ny = (int(n) for n in shape)
-        if (nx, ny) == tuple(shape) and min(nx, ny) >= 3 and max(nx, ny) <= FARTHEST:
+        if (nx, ny) == tuple(shape) and min(nx, ny) >= low and max(nx, ny) <= FARTHEST:
             return nx, ny
     except (TypeError, ValueError, OverflowError):
         pass
     raise fault(
-        "shape", shape, f"give two whole numbers from 3 to {FARTHEST:g}, (cells x, cells y)"
+        "shape", shape, f"give two whole numbers from {low} to {FARTHEST:g}, (cells x, cells y)"
     )
-
-
-def finite_array(name: str, values: npt.ArrayLike) -> Array:
-    """An array of finite real numbers."""
-    try:
-        found = np.asarray(values)
-        if not np.iscomplexobj(found):
-            found = found.astype(np.float64)
-            if np.isfinite(found).all():
-                return found
-    except (TypeError, ValueError):
-        pass
-    raise fault(name, values, "give finite numbers")

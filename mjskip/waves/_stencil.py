@@ -6,6 +6,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from mjskip._typing import SingleArray
+from mjskip.checks import check_positive
 
 Stencil = Literal["nine_point", "five_point", "paper_eq8"]
 Boundary = Literal["reflect", "absorb", "periodic"]
@@ -91,8 +92,7 @@ def is_ordinary_step(timestep: float, limit: float) -> bool:
 
 def checked_step(timestep: float, limit: float, paper: float) -> None:
     """Refuse a step that is unstable, or too small for anything to move but rounding errors [s]."""
-    if not (math.isfinite(timestep) and timestep > 0.0):
-        raise ValueError(f"the water's time step is {timestep!r} s: give a number above 0")
+    check_positive(timestep=timestep)
     if timestep > limit:
         raise ValueError(unstable(timestep, limit, paper))
     if timestep < SMALLEST_STEP * limit:
@@ -104,8 +104,6 @@ def checked_step(timestep: float, limit: float, paper: float) -> None:
 
 def steps_for(duration: float, limit: float) -> int:
     """Equal stable steps that make up a duration [s]; 0 if nothing could move in it."""
-    if not (math.isfinite(duration) and duration >= 0.0):
-        raise ValueError(f"duration is {duration!r} s: give a number of at least 0")
     steps = duration / (SAFE_FRACTION * limit)
     if steps > MAX_STEPS:
         raise ValueError(

@@ -25,8 +25,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.special import j0, jv
 
 from mjskip._typing import Array, Image, Integers
 from mjskip.hydro import _block as hydro
@@ -125,6 +123,9 @@ def deep_profile(*, radius: float, depth: float = math.inf) -> Array:
 
 def _profile(operator: Callable[[Array], Array], radius: float) -> Array:
     """1 / (2 pi) int G(k) s(k)^2 J0(k r) k dk, s = 48 J3(k e) / (k e)^3 the transform of the bump."""
+    from scipy.interpolate import CubicSpline  # takes twice as long to import as MuJoCo
+    from scipy.special import j0, jv
+
     # beyond 200 / e the integrand, which falls as k^-5 at the slowest, is below 1e-9 of its integral
     k: Array = (np.arange(20_000, dtype=np.float64) + 0.5) * (200.0 / radius / 20_000)
     x = k * radius

@@ -12,18 +12,18 @@ import numpy.typing as npt
 
 from mjskip._typing import Array, Flags, PathLike, SingleArray
 from mjskip.checks import (
+    check_array,
     check_choice,
     check_count,
     check_memory,
     check_number,
-    check_path,
     check_positive,
     check_vector,
     fault,
 )
 from mjskip.files import reading, whole_file
 from mjskip.waves import _block_kernels as kernels
-from mjskip.waves._cells import CellBlocks, TerrainMask, checked_shape, finite_array
+from mjskip.waves._cells import CellBlocks, TerrainMask, checked_shape
 from mjskip.waves._stencil import (
     BOUNDARIES,
     COURANT_LIMITS,
@@ -37,6 +37,8 @@ from mjskip.waves._stencil import (
     steps_for,
 )
 from mjskip.waves.grid import Block, WaveGrid
+
+MAX_THREADS = 1024
 
 LARGEST = float(np.finfo(np.float32).max)
 
@@ -126,7 +128,7 @@ class HeightField(CellBlocks):
         self.stencil: Stencil = check_choice("stencil", stencil, STENCILS)
         self.boundary: str = check_choice("boundary", boundary, BOUNDARIES)
         if threads is not None:
-            threads = check_count("threads", threads, high=1024)
+            threads = check_count("threads", threads, high=MAX_THREADS)
         self._describe(spacing, wave_speed, damping, centre, sleep_amplitude)
         if boundary == "absorb" and self.sleep_amplitude > 0.0:
             raise ValueError(
@@ -186,7 +188,14 @@ class HeightField(CellBlocks):
 
     def _checked_mask(self, given: npt.ArrayLike | TerrainMask) -> Flags:
         assert self.shape is not None
-        mask = np.array(given(self.x, self.y) if callable(given) else given, np.bool_)
+        try:
+            mask = np.array(given(self.x, self.y) if callable(given) else given, np.bool_)
+        except TypeError as error:
+            raise fault(
+                "terrain_mask",
+                given,
+                "give an array, or a function of x (nx,) and y (ny,) that returns it",
+            ) from error
         if mask.shape != self.shape:
             raise ValueError(f"terrain_mask has shape {mask.shape}: give the field's, {self.shape}")
         if mask.all():
@@ -278,7 +287,7 @@ class HeightField(CellBlocks):
             ValueError: a coordinate is no finite number.
         """
         points_x, points_y = np.broadcast_arrays(
-            np.atleast_1d(finite_array("x", x)), np.atleast_1d(finite_array("y", y))
+            np.atleast_1d(check_array("x", x)), np.atleast_1d(check_array("y", y))
         )
         at = np.column_stack(self._in_cells(points_x.ravel(), points_y.ravel()))
         out = np.empty((len(at), 4))
@@ -300,7 +309,8 @@ class HeightField(CellBlocks):
         Returns:
             Elevation (nx, ny) [m] and the positions of its cells along x (nx,) and y (ny,) [m].
         """
-        shape = check_count("shape", shape[0]), check_count("shape", shape[1])
+        x, y = check_number("x", x, unit="m"), check_number("y", y, unit="m")
+        shape = checked_shape(shape, low=1)
         check_memory(
             f"a window of {shape[0]} x {shape[1]} cells", 16.0 * math.prod(shape), "give fewer"
         )
@@ -392,7 +402,7 @@ class HeightField(CellBlocks):
         Raises:
             ValueError: a value is no finite number, or a shape does not fit.
         """
-        z, v = finite_array("elevation", elevation), finite_array("vertical_speed", vertical_speed)
+        z, v = check_array("elevation", elevation), check_array("vertical_speed", vertical_speed)
         shape = self.shape or z.shape
         if len(shape) != 2:
             raise fault("elevation", elevation, "give an array (nx, ny) for endless water")
@@ -421,20 +431,26 @@ class HeightField(CellBlocks):
     # Time ---------------------------------------------------------------------------------------
 
     def step(self, timestep: float) -> None:
-        """Advance by one step [s].
+        """Advance by one step.
+
+        Args:
+            timestep: of the step [s].
 
         Raises:
             ValueError: the step is not a positive number, larger than `max_timestep`, or lost in rounding.
             MjskipError: the tiles that move no longer fit into memory.
         """
-        if not is_ordinary_step(timestep, self.max_timestep):
+        if not (isinstance(timestep, float) and is_ordinary_step(timestep, self.max_timestep)):
             checked_step(timestep, self.max_timestep, self.paper_max_timestep)
         self.grid.step(timestep, self._loads)
         self.time += timestep
         self._loads.clear()
 
     def advance(self, duration: float) -> int:
-        """Advance by a duration [s] in equal stable steps, loads acting through all of them.
+        """Advance in equal stable steps, loads acting through all of them.
+
+        Args:
+            duration: [s].
 
         Returns:
             Number of steps made.
@@ -443,6 +459,7 @@ class HeightField(CellBlocks):
             ValueError: the duration is negative, not finite, or more than ten thousand million steps.
             MjskipError: the tiles that move no longer fit into memory.
         """
+        duration = check_number("duration", duration, low=0.0, unit="s")
         steps = steps_for(duration, self.max_timestep)
         begun, left = self.time, steps
         while left:
@@ -457,11 +474,13 @@ class HeightField(CellBlocks):
     def save(self, path: PathLike) -> None:
         """Write settings and state to a NumPy archive; `load` goes on from there to the last bit.
 
-        Loads that wait for the next step are not kept, nor is a terrain mask that is a function. The file appears
-        whole or not at all.
+        Loads that wait for the next step are not kept, nor is a terrain mask that is a function.
+
+        Args:
+            path: the file; it appears whole or not at all.
 
         Raises:
-            MjskipError: the folder does not exist or cannot be written to.
+            MjskipError: the folder does not exist or cannot be written to, or the disk is full.
         """
         names = (
             "spacing",
@@ -477,7 +496,7 @@ class HeightField(CellBlocks):
         mask = self.terrain_mask
         if mask is not None:
             settings["terrain_mask"] = np.empty(0) if callable(mask) else mask
-        with whole_file(check_path("path", path)) as part, part.open("wb") as file:
+        with whole_file(path) as part, part.open("wb") as file:
             np.savez(file, shape=self.shape or (), **settings, **self.grid.state())  # type: ignore[arg-type]
 
     @classmethod
@@ -491,9 +510,9 @@ class HeightField(CellBlocks):
         Raises:
             MjskipError: the file is not there or is no water surface.
         """
-        path = check_path("path", path)
         with reading(path, what="a water surface", writer="HeightField.save"):
-            with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
+            # opened here: np.load leaves a file open that is no archive
+            with open(path, "rb") as file, np.load(file, allow_pickle=False) as archive:
                 stored = {name: archive[name] for name in archive.files}
             numbers: dict[str, Any] = {
                 name: float(stored[name])

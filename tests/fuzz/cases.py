@@ -107,33 +107,18 @@ def arguments(draw):
 
 # Calls -------------------------------------------------------------------------------------------
 
-PARAMETERS = {
-    "Throw": ("speed", "spin", "attack", "descent", "bank", "wobble", "height"),
-    "Throw.from_degrees": ("speed", "spin", "attack", "descent", "bank", "height"),
-    "Water": (
-        "density", "air_density", "gate", "law", "buoyancy", "skin_friction", "viscosity",
-    ),
-    "Limits": ("duration", "min_airtime", "max_contact", "sink_depth", "rest_speed"),
-    "Stone.disc": ("radius", "thickness", "density"),
-    "Stone.pebble": ("density",),
-    "Stone.from_mesh": ("mesh", "density"),
-    "HeightField": ("shape", "spacing", "wave_speed", "damping", "stencil", "boundary", "centre"),
-    "HeightField.press": ("x", "y", "force", "radius", "density", "gravity"),
-    "HeightField.displace": ("x", "y", "height", "radius"),
-    "HeightField.advance": ("duration",),
-    "HeightField.set": ("elevation", "vertical_speed"),
-    "wrench": ("stone", "water", "position", "q", "velocity", "omega"),
-    "integrate": ("stone", "throw", "water", "limits", "timestep", "gravity"),
-    "simulate": ("scene", "throw", "engine", "integrator", "timestep", "limits", "surface"),
-    "load_scene": ("scene", "body"),
-}  # fmt: skip
-
 
 @st.composite
 def calls(draw):
     """A public function with one to three odd arguments."""
-    name = draw(st.sampled_from(sorted(PARAMETERS)))
-    some = draw(st.lists(st.sampled_from(PARAMETERS[name]), min_size=1, max_size=3, unique=True))
+    from tests.fuzz import calls as callables
+
+    everything = callables.calls()
+    name = draw(st.sampled_from(sorted(everything)))
+    parameters = everything[name][2]
+    if not parameters:
+        return {"kind": "call", "name": name, "arguments": {}}
+    some = draw(st.lists(st.sampled_from(parameters), min_size=1, max_size=3, unique=True))
     return {"kind": "call", "name": name, "arguments": {k: draw(odd_values) for k in some}}
 
 

@@ -61,48 +61,10 @@ def run_arguments(case):
 
 def run_call(case):
     """A public function with unfit arguments."""
-    stone = mjskip.Stone.pebble()
-    target = {
-        "Throw": mjskip.Throw,
-        "Throw.from_degrees": mjskip.Throw.from_degrees,
-        "Water": mjskip.Water,
-        "Limits": mjskip.Limits,
-        "Stone.disc": lambda **given: mjskip.Stone.disc(
-            given.pop("radius", 0.05), given.pop("thickness", 0.01), **given
-        ),
-        "Stone.pebble": mjskip.Stone.pebble,
-        "Stone.from_mesh": lambda **given: mjskip.Stone.from_mesh(given.pop("mesh", None), **given),
-        "HeightField": lambda **given: mjskip.HeightField(**{"shape": (8, 8), **given}),
-        "HeightField.press": lambda **given: mjskip.HeightField((8, 8)).press(
-            **{"x": 0.0, "y": 0.0, "force": 1.0, "radius": 0.05, **given}
-        ),
-        "HeightField.displace": lambda **given: mjskip.HeightField((8, 8)).displace(
-            **{"x": 0.0, "y": 0.0, "height": 0.01, "radius": 0.05, **given}
-        ),
-        "HeightField.advance": lambda **given: mjskip.HeightField((8, 8)).advance(
-            **{"duration": 0.01, **given}
-        ),
-        "HeightField.set": lambda **given: mjskip.HeightField((8, 8)).set(
-            **{"elevation": 0.0, **given}
-        ),
-        "wrench": lambda **given: mjskip.wrench(
-            given.pop("stone", stone),
-            given.pop("water", None),
-            **{"position": [0.0, 0.0, 0.0], **given},
-        ),
-        "integrate": lambda **given: mjskip.integrate(
-            given.pop("stone", stone),
-            given.pop("throw", mjskip.Throw()),
-            **{"limits": mjskip.Limits(duration=0.02), **given},
-        ),
-        "simulate": lambda **given: mjskip.simulate(
-            given.pop("scene", "lake"),
-            given.pop("throw", None),
-            **{"limits": mjskip.Limits(duration=0.02), **given},
-        ),
-        "load_scene": lambda **given: mjskip.load_scene(given.pop("scene", "lake"), **given),
-    }[case["name"]]
-    target(**{name: _value(value) for name, value in case["arguments"].items()})
+    from tests.fuzz.calls import calls
+
+    function, fit, _ = calls()[case["name"]]
+    function(**{**fit, **{name: _value(value) for name, value in case["arguments"].items()}})
 
 
 def _value(value):
