@@ -10,7 +10,6 @@ from typing import Any
 
 import click
 
-from mjskip.checks import free_memory
 from mjskip.errors import DivergedError, MjskipError, MjskipWarning
 
 COMMANDS = {
@@ -96,6 +95,8 @@ def _code_of(error: Exception) -> int:
         return _fail(
             f"{error.strerror or error}{where}: the system refuses a file or a resource", 2
         )
+    from mjskip.checks import free_memory  # not for --help
+
     text = " ".join(str(error).split())
     unloaded = isinstance(error, ImportError) and "shared object" in text
     # short of memory libraries fail in ways of their own: threads, OpenGL and MuJoCo's compiler by RuntimeError
