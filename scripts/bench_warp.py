@@ -1,6 +1,6 @@
 """How many worlds does MuJoCo Warp step a second, with water and without, beside C on all cores?
 
-    python scripts/bench_warp.py [--device cuda:0] [--worlds 64 1024] [--integrator Euler] [--json FILE]
+    python scripts/bench_warp.py [--device cuda:0] [--worlds 64 1024] [--integrator Euler] [--law NAME] [--json FILE]
 
 The 44-triangle pebble half immersed, without gravity. C is `mujoco.batch.Batch` with the engine plugin, one thread a
 core. Without `--device` Warp takes a graphics card if there is one. On a processor, where Warp serves tests, its rate is in
@@ -23,12 +23,13 @@ import warp as wp
 from mujoco.batch import Batch
 
 import mjskip.warp
-from mjskip import Stone, register_plugin
+from mjskip import LAWS, Stone, register_plugin
 
 MODEL = """
 <mujoco>
   <option timestep="0.0005" integrator="{integrator}" gravity="0 0 0"/>
-  <extension><plugin plugin="mjskip.water"><instance name="w"/></plugin></extension>
+  <extension><plugin plugin="mjskip.water"><instance name="w">
+    <config key="law" value="{law}"/></instance></plugin></extension>
   <asset><mesh name="stone" inertia="exact" vertex="{vertex}" face="{face}"/></asset>
   <worldbody><body><freejoint/><plugin instance="w"/>
     <geom type="mesh" mesh="stone" density="2600" contype="0" conaffinity="0"/></body></worldbody>
@@ -37,14 +38,14 @@ MODEL = """
 REPEATS, STEPS = 7, 10
 
 
-def pebble(integrator: str) -> mujoco.MjModel:
+def pebble(integrator: str, law: str) -> mujoco.MjModel:
     """The pebble with plugin mjskip.water."""
     register_plugin()
     stone = Stone.pebble()
     texts = (" ".join(f"{v:.9g}" for v in a.ravel()) for a in (stone.vertices, stone.faces))
     vertex, face = texts
     return mujoco.MjModel.from_xml_string(
-        MODEL.format(integrator=integrator, vertex=vertex, face=face)
+        MODEL.format(integrator=integrator, law=law, vertex=vertex, face=face)
     )
 
 
@@ -92,12 +93,15 @@ def main() -> None:
     parser.add_argument("--device", help="of Warp, such as cpu or cuda:0")
     parser.add_argument("--worlds", type=int, nargs="+", default=[64, 1024])
     parser.add_argument("--integrator", default="Euler", choices=["Euler", "RK4", "implicitfast"])
+    parser.add_argument("--law", default="lee2010", choices=list(LAWS))
     parser.add_argument("--json", type=Path, help="write the figures to this file")
     arguments = parser.parse_args()
     wp.config.quiet = True
     device = wp.get_device(arguments.device)
-    model = pebble(arguments.integrator)
-    print(f"{device.name} ({device.alias}), {arguments.integrator}; C on {os.cpu_count()} cores")
+    model = pebble(arguments.integrator, arguments.law)
+    print(
+        f"{device.name} ({device.alias}), {arguments.integrator}, {arguments.law}; C on {os.cpu_count()} cores"
+    )
     print(f"{'worlds':>7} {'water / bare':>13} {'Warp, worlds x steps/s':>23} {'C':>12}")
     figures = []
     for worlds in arguments.worlds:
@@ -110,7 +114,12 @@ def main() -> None:
             {"worlds": worlds, "water_over_bare": ratio, "warp": rates[0], "c": rates[1]}
         )
     if arguments.json:
-        text = {"device": device.name, "integrator": arguments.integrator, "figures": figures}
+        text = {
+            "device": device.name,
+            "integrator": arguments.integrator,
+            "law": arguments.law,
+            "figures": figures,
+        }
         arguments.json.write_text(json.dumps(text, indent=1))
 
 

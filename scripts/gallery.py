@@ -18,15 +18,17 @@ from typing import Any
 import numpy as np
 from PIL import Image as Pictures
 
-from mjskip import Scene, Trajectory, load_scene, simulate
+from mjskip import Limits, Scene, Trajectory, load_scene, simulate
 from mjskip.draw.film import compose, duel_of
 from mjskip.draw.overlay import caption, numbers_at
 from mjskip.draw.plot import plot_runs
 from mjskip.draw.render import Shot, frames, shot_times
 from mjskip.draw.video import Image, write_video
 from mjskip.throws.simulate import simulate_all
+from mjskip.waves.recording import SurfaceFrames
 
 DOCS = Path(__file__).parent.parent / "docs"
+CUT = 24  # rows of sky above README's film [pixels]
 SHARP = 2  # pictures are drawn this much larger and shrunk: edges are smooth
 
 
@@ -53,32 +55,41 @@ def filmed(
 
 
 def film(path: Path) -> None:
-    """The film in README: the default throw in slow motion."""
+    """The film in README: a boat in a swell, and beside it the default throw in slow motion."""
+    wide, high, rate = 400, 300, 15.0
     scene = load_scene("lake")
     flights = simulate_all(scene)
-    shot = Shot(size=(540, 404), fps=18.0, slow=3.5, linger=1.0, caption=False)
-    kept = slice(30, 404)
+    shot = Shot(size=(wide, high), fps=rate, slow=3.5, linger=1.0, caption=False)
     times = shot_times(flights, shot)
+    boat = load_scene("boat_in_swell", sea="hs=0.22 tp=1.9 direction=180 spreading=15 seed=4")
+    count = len(times)
+    afloat = simulate_all(
+        boat, limits=Limits(duration=1.0 + count / rate), record=SurfaceFrames(rate=rate)
+    )
+    moments = 1.0 + np.arange(count) / rate
+    left = filmed(boat, afloat, replace(shot, camera="quarter"), times=moments)
+    right = filmed(scene, flights, shot, times=times)
 
     def images() -> Iterator[Image]:
-        for time, image in zip(times, filmed(scene, flights, shot, times=times), strict=True):
-            part = image[kept].copy()
-            caption(part, numbers_at(flights[scene.body], float(time)))
-            yield part
+        for time, one, other in zip(times, left, right, strict=True):
+            named = other.copy()
+            caption(named, numbers_at(flights[scene.body], float(time)))
+            yield np.ascontiguousarray(np.hstack([one, named])[CUT:])
 
-    shown = (shot.size[0], kept.stop - kept.start)
-    write_video(images(), path, size=shown, fps=18.0, total=len(times), quality=50)
+    write_video(images(), path, size=(2 * wide, high - CUT), fps=rate, total=count, quality=45)
 
 
 def still(
-    scene_name: str, camera: str, time: float, *, forces: bool = False
+    scene_name: str, camera: str, time: float, *, forces: bool = False, sea: str | None = None
 ) -> Callable[[Path], None]:
     """One moment by one camera."""
 
     def make(path: Path) -> None:
-        scene = load_scene(scene_name)
+        scene = load_scene(scene_name, sea=sea)
         shot = Shot(size=(640, 400), camera=camera, forces=forces, spray=not forces)
-        (image,) = filmed(scene, simulate_all(scene), shot, times=np.array([time]))
+        record = SurfaceFrames(rate=20.0) if scene.afloat else None
+        flights = simulate_all(scene, limits=Limits(duration=time + 1.0), record=record)
+        (image,) = filmed(scene, flights, shot, times=np.array([time]))
         save(image, path)
 
     return make
@@ -182,6 +193,18 @@ EXHIBITS = (
         text="What floats is filmed as throws are.",
         command="mjskip run boat --video boat.mp4 --duration 3",
         make=still("boat", "side", 1.0),
+    ),
+    Exhibit(
+        name="swell.webp",
+        text="A boat at anchor in a swell, with the sea that it feels.",
+        command='mjskip run boat_in_swell --sea "hs=0.2 tp=2" --camera quarter --video swell.mp4',
+        make=still("boat_in_swell", "quarter", 2.0, sea="hs=0.2 tp=2"),
+    ),
+    Exhibit(
+        name="quadruped.webp",
+        text="A quadruped wades.",
+        command="mjskip run quadruped_wading --video wading.mp4",
+        make=still("quadruped_wading", "side", 1.5),
     ),
     Exhibit(
         name="curves.png",

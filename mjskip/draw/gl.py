@@ -23,7 +23,8 @@ def offscreen() -> Iterator[None]:
     """Inside, MuJoCo makes its OpenGL contexts through EGL, which needs no display.
 
     MuJoCo picks its backend once, from the variable MUJOCO_GL as it is first imported, and its own
-    default needs a display. A choice by the user in that variable is respected.
+    default needs a display. A choice by the user in that variable is respected, "egl" also where it comes after
+    that import.
 
     Raises:
         RenderError: no OpenGL context can be made here.
@@ -32,7 +33,7 @@ def offscreen() -> Iterator[None]:
     backend: Any = None
     chosen: Any = None
     try:
-        if os.environ.get("MUJOCO_GL", "").strip() == "":
+        if os.environ.get("MUJOCO_GL", "").strip().lower() in ("", "egl"):
             from mujoco.egl import GLContext
             from mujoco.rendering.classic import gl_context
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import threading
 import time
 from typing import Any
 
@@ -15,6 +16,9 @@ from mjskip.draw.renderer import Renderer
 
 WATER = (0.10, 0.36, 0.50, 0.55)
 """Colour of the surface."""
+
+CLOSING = 10.0
+"""How long a window may take to close [s]."""
 
 SIDE_VIEW = (2.6, 75.0, -14.0)
 """Distance [m], azimuth and elevation [degrees] of a camera that looks at a body."""
@@ -33,6 +37,7 @@ class View:
         self._renderer: Any = None
         self._model: mujoco.MjModel | None = None
         self._window: Any = None
+        self._threads: set[threading.Thread] = set()
         self._shown = 0.0
 
     def picture(self, model: mujoco.MjModel, data: mujoco.MjData) -> Image:
@@ -56,9 +61,11 @@ class View:
         if self._window is None:
             import mujoco.viewer
 
+            before = set(threading.enumerate())
             self._window = mujoco.viewer.launch_passive(
                 model, data, show_left_ui=False, show_right_ui=False
             )
+            self._threads = set(threading.enumerate()) - before
             self._model = model
             with self._window.lock():
                 aim = camera_of(model, self._camera)
@@ -91,6 +98,8 @@ class View:
         if self._window is not None:
             with contextlib.suppress(Exception):
                 self._window.close()
+            for thread in self._threads:  # a process that ends while one still draws crashes
+                thread.join(CLOSING)
             self._window = None
 
 
