@@ -333,7 +333,7 @@ def test_the_model_in_the_docs_floats():
         ({"resolution": 10**6}, "resolution is 1000000: give a whole number between 4 and 1000"),
         (
             {"preset": "floating", "radiation": "true", "sea": "hs=1e300 tp=3"},
-            "a number is too large or too small (radiation=true",
+            r"hs is 1e\+300: give a finite number between",
         ),
     ],
 )
