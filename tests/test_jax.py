@@ -196,13 +196,13 @@ def test_who_loads_a_model_with_the_plugin_after_mjx_is_told_that_mjx_drops_it(m
     import mujoco
 
     from mjskip import register_plugin
-    from mjskip.coupling.plugin import MJX, _told
+    from mjskip.coupling.plugin import MJX, _warned
     from mjskip.errors import MjskipWarning
 
     register_plugin()
     monkeypatch.setitem(sys.modules, "mujoco.mjx", ModuleType("mujoco.mjx"))
-    if MJX in _told:
-        _told.remove(MJX)
+    if MJX in _warned:
+        _warned.remove(MJX)
     with pytest.warns(MjskipWarning, match=r"MJX is loaded, which drops plugin mjskip\.water"):
         mujoco.MjModel.from_xml_string(
             '<mujoco><extension><plugin plugin="mjskip.water"><instance name="w"/></plugin></extension>'

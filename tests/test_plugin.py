@@ -16,8 +16,9 @@ from mujoco import batch, rollout
 
 from mjskip import Water, attach, register_plugin, wrench
 from mjskip.coupling import _struct_layout as layout
+from mjskip.coupling import _table_kernels
 from mjskip.coupling import plugin as plugin_module
-from mjskip.coupling.plugin import plugin_water
+from mjskip.coupling.plugin_keys import plugin_water
 from mjskip.coupling.wet import body_stone
 from mjskip.errors import MjskipError, SceneError
 
@@ -377,9 +378,9 @@ def test_the_water_of_a_body_can_be_asked_for():
 
 
 def test_registering_again_changes_nothing():
-    slot = plugin_module._slot()
+    slot = plugin_module.plugin_slot()
     register_plugin()
-    assert plugin_module._slot() == slot >= 0
+    assert plugin_module.plugin_slot() == slot >= 0
 
 
 def test_a_force_that_is_not_finite_is_a_counted_warning_and_no_force():
@@ -576,12 +577,12 @@ def test_thousands_of_stones_are_found_again_and_those_nobody_uses_are_forgotten
         def __init__(self, key):
             self.record, self.nbytes = np.full(15, float(key)), 20
 
-    monkeypatch.setattr(plugin_module._Records, "KEPT_BYTES", 120 * 4000)
+    monkeypatch.setattr(plugin_module.Records, "KEPT_BYTES", 120 * 4000)
     root = plugin_module.kernels.root.copy()
     try:
-        records = plugin_module._Records()
-        monkeypatch.setattr(plugin_module.kernels, "as_words", lambda _: records.table)
-        look_up = plugin_module.kernels._look_up.py_func
+        records = plugin_module.Records()
+        monkeypatch.setattr(_table_kernels, "as_words", lambda _: records.table)
+        look_up = _table_kernels.look_up_and_stamp.py_func
         keys = np.random.default_rng(1).integers(2, 2**62, 20_000).tolist()
         made = {}
         for number, key in enumerate(keys):
@@ -589,12 +590,12 @@ def test_thousands_of_stones_are_found_again_and_those_nobody_uses_are_forgotten
             records.add(key, made[key])
             if number == 3999:
                 for known, kept in made.items():
-                    assert look_up(root, known) == kept.record.ctypes.data
-                assert look_up(root, 2**62 + 1) == -1
-            assert look_up(root, keys[number % 100]) == made[keys[number % 100]].record.ctypes.data
+                    assert look_up(0, known, -1) == kept.record.ctypes.data
+                assert look_up(0, 2**62 + 1, -1) == -1
+            assert look_up(0, keys[number % 100], -1) == made[keys[number % 100]].record.ctypes.data
         assert set(keys[:100]) < set(records.made)  # looked up all the time
         assert keys[200] not in records.made
-        assert look_up(root, keys[200]) == -1
+        assert look_up(0, keys[200], -1) == -1
         assert len(records.made) <= 2 * 4001
         assert records._bytes == 120 * len(records.made)
     finally:
@@ -608,25 +609,24 @@ def test_what_models_in_use_look_up_is_never_forgotten_however_much_it_is(monkey
         def __init__(self):
             self.record = np.zeros(15)
 
-    monkeypatch.setattr(plugin_module._Records, "KEPT_BYTES", 120 * 50)
+    monkeypatch.setattr(plugin_module.Records, "KEPT_BYTES", 120 * 50)
     root = plugin_module.kernels.root.copy()
     try:
-        records = plugin_module._Records()
-        monkeypatch.setattr(plugin_module.kernels, "as_words", lambda _: records.table)
-        look_up = plugin_module.kernels._look_up.py_func
+        records = plugin_module.Records()
+        monkeypatch.setattr(_table_kernels, "as_words", lambda _: records.table)
+        look_up = _table_kernels.look_up_and_stamp.py_func
         for key in range(2, 502):  # ten times what is set aside, all of it in use
             records.add(key, Kept())
-            assert all(look_up(root, known) > 0 for known in range(2, key + 1))
+            assert all(look_up(0, known, -1) > 0 for known in range(2, key + 1))
     finally:
         plugin_module.kernels.root[:] = root
 
 
 def test_models_that_are_freed_leave_no_more_than_what_is_set_aside(monkeypatch):
-    monkeypatch.setattr(plugin_module._Records, "KEPT_BYTES", 2**17)
-    records = plugin_module._Records()
+    monkeypatch.setattr(plugin_module.Records, "KEPT_BYTES", 2**17)
     root = plugin_module.kernels.root.copy()
+    records = plugin_module.Records()
     monkeypatch.setattr(plugin_module, "_records", records)
-    plugin_module.kernels.root[plugin_module.kernels.TABLE] = records.table.ctypes.data
     try:
         kept = mujoco.MjModel.from_xml_string(
             xml(stone_xml(instance="lake"), instances={"lake": {}})

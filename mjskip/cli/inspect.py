@@ -12,7 +12,7 @@ import click
 
 from mjskip.coupling.attach import Coupling
 from mjskip.coupling.loading import load_model
-from mjskip.coupling.plugin import plugin_settings
+from mjskip.coupling.plugin_keys import plugin_settings
 from mjskip.coupling.selection import GeomRule
 from mjskip.coupling.wet import INTERIORS, HullOptions
 from mjskip.errors import MjskipWarning

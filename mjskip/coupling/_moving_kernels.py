@@ -26,8 +26,6 @@ from mjskip._compile.jit import kernel
 from mjskip._compile.pointers import as_doubles, as_ints, as_words, bits, stack_doubles
 from mjskip.coupling import _plugin_kernels as plugin
 from mjskip.coupling._plugin_kernels import (
-    doubles,
-    ints,
     is_head,
     load_body,
     push,
@@ -35,6 +33,7 @@ from mjskip.coupling._plugin_kernels import (
     wets_below,
 )
 from mjskip.coupling._record_kernels import RECORD
+from mjskip.coupling._table_kernels import doubles, ints
 from mjskip.hydro import _block as hydro
 from mjskip.hydro._clip_kernels import immersed_part
 from mjskip.waves import _coupling_kernels as coupling

@@ -15,25 +15,22 @@ Of a large mesh some words are hashed at every call, with the address of the mod
               gravity and time step in mjModel; number of the plugin, of its key `radiation`; addresses of what lets
               bodies radiate (`_sea_kernels`); offsets of the members of mjModel and
               mjData below
-    table     number of slots, number of the round, then rows (hash, address of the record; 0: cannot be built, 1: dry;
-              round in which it was last looked up)
+    table     of pairs (hash, address of the record; 0: cannot be built, 1: dry), stamped (`_table_kernels`)
     request   what is asked, body, instance, hash; answer: address of the record, error message
 
 A table is only ever added to, value before key, or replaced by another whose address is put in the root. What is looked up
 is stamped, so that records which no model uses any more can be told from others.
 """
 
-import ctypes
 from typing import Any
 
 import numpy as np
-from llvmlite import binding, ir
+from llvmlite import ir
 from numba import types
 
 from mjskip._compile.jit import kernel
 from mjskip._compile.pointers import (
     as_doubles,
-    as_ints,
     as_words,
     bits,
     call_address,
@@ -42,21 +39,25 @@ from mjskip._compile.pointers import (
     symbol,
 )
 from mjskip.coupling._record_kernels import BLOCK, NEEDED_STEP, SCRATCH, body_state, wet_load
-from mjskip.coupling._struct_layout import library
+from mjskip.coupling._table_kernels import (
+    doubles,
+    ints,
+    look_up_and_stamp,
+    mj_warning,
+    mju_error,
+)
 
 WRENCH, IMMERSION, BUILDER, TABLE, GRAVITY, TIMESTEP, SLOT, INTEGRATOR = range(8)
 MOVING_COMPUTE, MOVING_ADVANCE, MOVING_DRAW = 8, 9, 10  # 0 until an instance needs them
 SCENE_MAXGEOM, SCENE_NGEOM, SCENE_GEOMS, GEOM_BYTES = 11, 12, 13, 14
 RADIATION_KEY, SEA_ACT, SEA_ADVANCE, SEA_SENSE = 15, 16, 17, 18
 MEMBERS = 19
-SLOTS, ROUND, ROWS = 0, 1, 2
-ROW = 3
 ASK, BODY, INSTANCE, KEY, ANSWER, MESSAGE, REQUEST = 0, 1, 2, 3, 4, 5, 6
 CONFIGURATION, HULL, FRESH_HULL, WARNINGS, TOO_LARGE_STEP, SURFACE, STATE_SIZE = range(7)
 """What is asked: whether a configuration is allowed; a record; the same after a look at all of its meshes;
 to say what is doubtful about an instance; to say that a body's drag was limited; the record of an instance's surface
 (`_moving_kernels`); how many doubles its state has."""
-CANNOT, DRY = 0, 1
+CANNOT, DRY, UNKNOWN = 0, 1, -1
 MOVES, STATE_DOUBLES = 0, 1
 """Of the record of a surface: above 0 if it moves, and how many doubles of state it has."""
 
@@ -112,11 +113,6 @@ WARNED_BODY = 1_000_000  # added to the body's id, where MuJoCo's own warning ha
 root = np.zeros(MEMBERS + len(MODEL_MEMBERS) + len(DATA_MEMBERS), dtype=np.int64)
 root_address = symbol("mjskip_plugin_root", root.ctypes.data)
 
-for _name in ("mju_error", "mj_warning"):
-    binding.add_symbol(_name, ctypes.cast(getattr(library, _name), ctypes.c_void_p).value)
-mju_error = types.ExternalFunction("mju_error", types.void(types.int64))
-mj_warning = types.ExternalFunction("mj_warning", types.void(types.int64, types.int32, types.int32))
-
 STEP = -7046029254386353131  # 2^64 over the golden ratio, as a signed word
 HALF = 0xFFFFFFFF
 
@@ -147,18 +143,6 @@ def byte_at(typingctx: Any, address: Any) -> Any:
 def size(table: Any, owner: int, member: int) -> Any:
     """A member that is a size."""
     return as_words(owner + table[member])[0]
-
-
-@kernel
-def ints(table: Any, owner: int, member: int) -> Any:
-    """A member that points to 32-bit integers."""
-    return as_ints(as_words(owner + table[member])[0])
-
-
-@kernel
-def doubles(table: Any, owner: int, member: int) -> Any:
-    """A member that points to doubles."""
-    return as_doubles(as_words(owner + table[member])[0])
 
 
 @kernel
@@ -349,23 +333,6 @@ def _is_large(table: Any, model: int, head: int) -> bool:
 
 
 @kernel
-def _look_up(table: Any, key: int) -> Any:
-    """Address of the record of a content: CANNOT, DRY, or -1 if nobody has asked."""
-    records = as_words(table[TABLE])
-    slots = records[SLOTS]
-    k = key & (slots - 1)
-    row = ROWS + ROW * k
-    while records[row] != key:
-        if records[row] == 0:
-            return -1
-        k = (k + 1) & (slots - 1)
-        row = ROWS + ROW * k
-    if records[row + 2] != records[ROUND]:
-        records[row + 2] = records[ROUND]
-    return records[row + 1]
-
-
-@kernel
 def _request_python(
     table: Any, model: int, what: int, body: int, instance: int, key: int, request: int
 ) -> Any:
@@ -384,7 +351,7 @@ def load_body(table: Any, model: int, data: int, body: int, instance: int, scrat
     scratch: state (18), wrench (12), request (6), readings (5), of `wet_load`.
     """
     key = _content(table, model, body, instance)
-    record = _look_up(table, key)
+    record = look_up_and_stamp(table[TABLE], key, UNKNOWN)
     if record == -1:
         record = _request_python(table, model, HULL, body, instance, key, scratch + 8 * AT_REQUEST)
     if record == DRY:
@@ -439,7 +406,7 @@ def _surface(table: Any, model: int, instance: int, request: int) -> Any:
     key = _hash_items(table, model, PLUGIN_ATTR, begin, 1, end - begin, 2)
     key = _hash(model + table[GRAVITY], 24, key)
     key = key if key != 0 else 1
-    found = _look_up(table, key)
+    found = look_up_and_stamp(table[TABLE], key, UNKNOWN)
     if found == -1:
         found = _request_python(table, model, SURFACE, -1, instance, key, request)
     return found
@@ -535,7 +502,7 @@ def init(model: int, data: int, instance: int) -> int:
     for body in range(1, size(table, model, NBODY)):
         if as_words(request)[MESSAGE] == 0 and is_head(table, model, body, instance, below):
             key = _content(table, model, body, instance)
-            known = _look_up(table, key)
+            known = look_up_and_stamp(table[TABLE], key, UNKNOWN)
             if known <= 0:
                 built = True
                 _request_python(table, model, HULL, body, instance, key, request)

@@ -29,7 +29,6 @@ from numba import types
 from mjskip._compile.jit import kernel
 from mjskip._compile.pointers import (
     as_doubles,
-    as_ints,
     as_words,
     call_address,
     stack_doubles,
@@ -38,10 +37,18 @@ from mjskip._compile.pointers import (
 from mjskip.coupling._record_kernels import CENTRE, NEEDED_STEP, wet_load
 from mjskip.coupling._record_kernels import SCRATCH as RECORD_SCRATCH
 from mjskip.coupling._struct_layout import library
+from mjskip.coupling._table_kernels import (
+    PAIRS,
+    SLOTS,
+    doubles,
+    ints,
+    look_up,
+    mj_warning,
+    mju_error,
+)
 from mjskip.hydro import _afloat_kernels as afloat
 
 WRENCH, BUILDER, TABLE, GRAVITY, TIMESTEP, MEMBERS = 0, 1, 2, 3, 4, 5
-SLOTS, PAIRS = 0, 1
 INSTANCE, DATA, REQUESTED_ENTRY, ANSWER, KEY, MESSAGE, REQUEST = 0, 1, 2, 3, 4, 5, 6
 """A request: the entry of a plugin's instance for the state at an address (0: as bodies float by themselves), or with one
 of the numbers below as instance."""
@@ -83,10 +90,7 @@ WARNED_BODY = 1_000_000  # added to the body's id, where MuJoCo's own warning ha
 root = np.zeros(MEMBERS + len(MODEL_MEMBERS) + len(DATA_MEMBERS), dtype=np.int64)
 _root = symbol("mjskip_sea_root", root.ctypes.data)
 
-for _name in ("mju_error", "mj_warning", "mj_factorM"):
-    binding.add_symbol(_name, ctypes.cast(getattr(library, _name), ctypes.c_void_p).value)
-mju_error = types.ExternalFunction("mju_error", types.void(types.int64))
-mj_warning = types.ExternalFunction("mj_warning", types.void(types.int64, types.int32, types.int32))
+binding.add_symbol("mj_factorM", ctypes.cast(library.mj_factorM, ctypes.c_void_p).value)
 mj_factor_m = types.ExternalFunction("mj_factorM", types.void(types.int64, types.int64))
 
 # a body's part of the state, before its readings
@@ -105,31 +109,6 @@ OWN = 28
 
 
 @kernel
-def _ints(table: Any, owner: int, member: int) -> Any:
-    """A member that points to 32-bit integers."""
-    return as_ints(as_words(owner + table[member])[0])
-
-
-@kernel
-def _doubles(table: Any, owner: int, member: int) -> Any:
-    """A member that points to doubles."""
-    return as_doubles(as_words(owner + table[member])[0])
-
-
-@kernel
-def _look_up(table: Any, key: int) -> Any:
-    """Address of the entry of a hash, 0 if there is none."""
-    entries = as_words(table[TABLE])
-    slots = entries[SLOTS]
-    k = key & (slots - 1)
-    while entries[PAIRS + 2 * k] != 0:
-        if entries[PAIRS + 2 * k] == key:
-            return entries[PAIRS + 2 * k + 1]
-        k = (k + 1) & (slots - 1)
-    return 0
-
-
-@kernel
 def _request_python(table: Any, model: int, instance: int, request: int) -> Any:
     """Ask Python what a request is about."""
     words = as_words(request)
@@ -143,9 +122,9 @@ def _request_python(table: Any, model: int, instance: int, request: int) -> Any:
 @kernel
 def _pose(table: Any, model: int, data: int, body: int, record: Any, state: Any) -> None:
     """State (18) of a body about its record's centre of mass, world."""
-    place, rotation = _doubles(table, data, XPOS), _doubles(table, data, XMAT)
-    moving, origin = _doubles(table, data, CVEL), _doubles(table, data, SUBTREE_COM)
-    tree = _ints(table, model, BODY_ROOTID)[body]
+    place, rotation = doubles(table, data, XPOS), doubles(table, data, XMAT)
+    moving, origin = doubles(table, data, CVEL), doubles(table, data, SUBTREE_COM)
+    tree = ints(table, model, BODY_ROOTID)[body]
     for i in range(9):
         state[3 + i] = rotation[9 * body + i]
     cx, cy, cz = record[CENTRE], record[CENTRE + 1], record[CENTRE + 2]
@@ -168,25 +147,25 @@ def _pose(table: Any, model: int, data: int, body: int, record: Any, state: Any)
 @kernel
 def _last_dof(table: Any, model: int, body: int) -> int:
     """The last degree of freedom that moves a body, -1 if there is none."""
-    count, parent = _ints(table, model, BODY_DOFNUM), _ints(table, model, BODY_PARENTID)
+    count, parent = ints(table, model, BODY_DOFNUM), ints(table, model, BODY_PARENTID)
     while body > 0 and count[body] == 0:
         body = parent[body]
-    return _ints(table, model, BODY_DOFADR)[body] + count[body] - 1 if body > 0 else -1
+    return ints(table, model, BODY_DOFADR)[body] + count[body] - 1 if body > 0 else -1
 
 
 @kernel
 def _push(table: Any, model: int, data: int, body: int, pose: Any, load: Any) -> None:
     """qfrc_passive += J'w: force and torque (6) about the body's centre of mass, on every dof that moves it."""
     fx, fy, fz = load[0], load[1], load[2]
-    tree = 3 * _ints(table, model, BODY_ROOTID)[body]
-    origin = _doubles(table, data, SUBTREE_COM)  # about which MuJoCo keeps the motion of a tree
+    tree = 3 * ints(table, model, BODY_ROOTID)[body]
+    origin = doubles(table, data, SUBTREE_COM)  # about which MuJoCo keeps the motion of a tree
     rx, ry, rz = pose[0] - origin[tree], pose[1] - origin[tree + 1], pose[2] - origin[tree + 2]
     tx = load[3] + (ry * fz - rz * fy)
     ty = load[4] + (rz * fx - rx * fz)
     tz = load[5] + (rx * fy - ry * fx)
     dof = _last_dof(table, model, body)
-    above, axis = _ints(table, model, DOF_PARENTID), _doubles(table, data, CDOF)
-    out = _doubles(table, data, QFRC_PASSIVE)
+    above, axis = ints(table, model, DOF_PARENTID), doubles(table, data, CDOF)
+    out = doubles(table, data, QFRC_PASSIVE)
     while dof >= 0:
         k = 6 * dof
         out[dof] += (
@@ -209,9 +188,9 @@ def _add_mass(
     if last < 0 or weight == 0.0:
         own[LAST_DIAGONAL] = 0.0
         return False
-    above, axis = _ints(table, model, DOF_PARENTID), _doubles(table, data, CDOF)
-    origin = _doubles(table, data, SUBTREE_COM)
-    tree = 3 * _ints(table, model, BODY_ROOTID)[body]
+    above, axis = ints(table, model, DOF_PARENTID), doubles(table, data, CDOF)
+    origin = doubles(table, data, SUBTREE_COM)
+    tree = 3 * ints(table, model, BODY_ROOTID)[body]
     rx, ry, rz = pose[0] - origin[tree], pose[1] - origin[tree + 1], pose[2] - origin[tree + 2]
     c, s = math.cos(yaw), math.sin(yaw)
     # Jacobian's columns in the level frame, and A times them
@@ -232,11 +211,11 @@ def _add_mass(
         count += 1
         dof = above[dof]
     full, number, start = (
-        _doubles(table, data, M),
-        _ints(table, model, M_ROWNNZ),
-        _ints(table, model, M_ROWADR),
+        doubles(table, data, M),
+        ints(table, model, M_ROWNNZ),
+        ints(table, model, M_ROWADR),
     )
-    place, force = _ints(table, model, M_COLIND), _doubles(table, data, QFRC_PASSIVE)
+    place, force = ints(table, model, M_COLIND), doubles(table, data, QFRC_PASSIVE)
     diagonal = start[last] + number[last] - 1
     already = full[diagonal] == own[LAST_DIAGONAL]
     row, i = 0, last
@@ -266,7 +245,7 @@ def _add_mass(
 @kernel
 def _note_acceleration(table: Any, model: int, data: int, body: int, own: Any, step: float) -> None:
     """Acceleration of a body's last six dofs over a step, for the terms that M has no place for."""
-    last, speed = _last_dof(table, model, body), _doubles(table, data, QVEL)
+    last, speed = _last_dof(table, model, body), doubles(table, data, QVEL)
     for n in range(min(6, last + 1)):
         now = speed[last - n]
         if own[MOVED] != 0.0:
@@ -354,7 +333,7 @@ def _step(table: Any, model: int, data: int, entry: Any, at: int, scratch: int) 
 @kernel
 def _state(table: Any, model: int, data: int, instance: int) -> Any:
     """Address of an instance's state."""
-    at = 8 * _ints(table, model, PLUGIN_STATEADR)[instance]
+    at = 8 * ints(table, model, PLUGIN_STATEADR)[instance]
     return as_words(data + table[PLUGIN_STATE])[0] + at
 
 
@@ -362,7 +341,9 @@ def _state(table: Any, model: int, data: int, instance: int) -> Any:
 def _entry_of(table: Any, model: int, data: int, instance: int, at: int) -> Any:
     """Address of the entry of an instance with this state."""
     header = as_doubles(at)
-    address = _look_up(table, int(header[afloat.FRESH])) if header[afloat.FRESH] != 0.0 else 0
+    address = (
+        look_up(table[TABLE], int(header[afloat.FRESH]), 0) if header[afloat.FRESH] != 0.0 else 0
+    )
     if address == 0:
         request = stack_doubles(REQUEST)
         as_words(request)[DATA] = at
@@ -458,7 +439,7 @@ def act_attached(model: int, data: int, address: int) -> None:
             header[i] = 0.0
         header[afloat.FRESH], header[afloat.TIME] = 1.0, now
     if header[afloat.FRESH] != 1.0:  # prepared again since it was attached
-        other = _look_up(table, int(header[afloat.FRESH]))
+        other = look_up(table[TABLE], int(header[afloat.FRESH]), 0)
         if other == 0:
             other = _request_again(table, model, address, at)
         entry = as_words(other)
@@ -503,7 +484,7 @@ def _act(table: Any, model: int, data: int, entry: Any, at: int, scratch: int) -
     room = numba.carray(as_doubles(spare + 8 * RECORD_SCRATCH), 1 << 40)
     now = as_doubles(data + table[TIME])[0]
     keep = now == state[afloat.TIME]
-    weights = _doubles(table, model, BODY_INVWEIGHT0)
+    weights = doubles(table, model, BODY_INVWEIGHT0)
     changed = False
     for n in range(entry[COUNT]):
         row = ENTRY + ROW * n

@@ -17,7 +17,7 @@ from mjskip._typing import Array
 from mjskip.checks import check_array, check_count, check_type, fault
 from mjskip.coupling import callback
 from mjskip.coupling.bodies import body_id, body_name, find_body
-from mjskip.coupling.plugin import plugin_water
+from mjskip.coupling.plugin_keys import plugin_water
 from mjskip.coupling.records import make_record, physical_warnings, too_large_step
 from mjskip.coupling.sea import (
     FloatingHull,

@@ -80,6 +80,16 @@ def body_id(model: mujoco.MjModel, body: str | int) -> int:
     return int(number)
 
 
+def posed(model: mujoco.MjModel, data: mujoco.MjData | None) -> mujoco.MjData:
+    """New data of a model in the pose of some, or in `qpos0`, with the places of bodies worked out."""
+    own = mujoco.MjData(model)
+    if data is not None:
+        own.qpos[:] = data.qpos
+    mujoco.mj_kinematics(model, own)
+    mujoco.mj_comPos(model, own)
+    return own
+
+
 def body_geoms(model: Any, body: int) -> range:
     """Ids of a body's geoms."""
     first = int(model.body_geomadr[body])

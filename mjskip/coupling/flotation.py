@@ -12,8 +12,8 @@ import numpy as np
 from mjskip._typing import Array
 from mjskip.checks import check_type
 from mjskip.coupling.attach import Coupling
-from mjskip.coupling.bodies import body_id, body_name, free_bodies
-from mjskip.coupling.plugin import plugin_settings
+from mjskip.coupling.bodies import body_id, body_name, free_bodies, posed
+from mjskip.coupling.plugin_keys import plugin_settings
 from mjskip.coupling.selection import BodyRule, GeomRule
 from mjskip.coupling.wet import HullOptions, Interior
 from mjskip.errors import MjskipWarning, SceneError
@@ -103,11 +103,7 @@ def flotation_of(
 ) -> ModelFlotation:
     """The same for bodies that are coupled already."""
     model = coupling.model
-    own = mujoco.MjData(model)
-    if data is not None:
-        own.qpos[:] = data.qpos
-    mujoco.mj_kinematics(model, own)
-    mujoco.mj_comPos(model, own)
+    own = posed(model, data)
     root = tree_root(model, body)
     triangles = coupling.triangles(own, root)
     centre = np.array(own.subtree_com[root])

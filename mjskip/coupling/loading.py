@@ -9,7 +9,8 @@ from pathlib import Path
 import mujoco
 
 from mjskip._typing import PathLike
-from mjskip.coupling.plugin import NAME, register_plugin
+from mjskip.coupling.plugin import register_plugin
+from mjskip.coupling.plugin_keys import NAME
 from mjskip.errors import SceneError
 from mjskip.hydro.seas import Sea
 

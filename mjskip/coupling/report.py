@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import mujoco
 import numpy as np
 
-from mjskip.coupling.bodies import body_name, free_bodies, geom_name, kind_name
+from mjskip.coupling.bodies import body_name, free_bodies, geom_name, kind_name, posed
 from mjskip.coupling.flotation import flotation_of
 from mjskip.errors import MjskipError
 from mjskip.hydro.hydrostatics import SinksError
@@ -167,11 +167,7 @@ def _afloat(tree: TreeReport) -> str:
 def report_of(coupling: Coupling, data: mujoco.MjData | None = None) -> Report:
     """What is wet in a model, in the pose of `data` or `qpos0`."""
     model = coupling.model
-    own = mujoco.MjData(model)
-    if data is not None:
-        own.qpos[:] = data.qpos
-    mujoco.mj_kinematics(model, own)
-    mujoco.mj_comPos(model, own)
+    own = posed(model, data)
     solids = _placed(coupling, own)
     wet, bare = _costs(coupling)
     bodies = [_wet_body(coupling, k) for k in range(len(coupling.bodies))]

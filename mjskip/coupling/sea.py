@@ -23,6 +23,7 @@ from mjskip._compile.pointers import address_of_cfunc
 from mjskip._typing import Array, Complex, Integers
 from mjskip.coupling import _sea_kernels as kernels
 from mjskip.coupling import _struct_layout as layout
+from mjskip.coupling._table_kernels import PAIRS, SLOTS
 from mjskip.coupling.bodies import body_name
 from mjskip.coupling.records import make_record
 from mjskip.coupling.wet import HullOptions, Inertia
@@ -211,13 +212,13 @@ class _Entries:
 
     def _publish(self) -> None:
         slots = 4 * self.KEPT
-        fresh = np.zeros(kernels.PAIRS + 2 * slots, dtype=np.int64)
-        fresh[kernels.SLOTS] = slots
+        fresh = np.zeros(PAIRS + 2 * slots, dtype=np.int64)
+        fresh[SLOTS] = slots
         for key, made in self.made.items():
             k = key & (slots - 1)
-            while fresh[kernels.PAIRS + 2 * k]:
+            while fresh[PAIRS + 2 * k]:
                 k = (k + 1) & (slots - 1)
-            fresh[kernels.PAIRS + 2 * k : kernels.PAIRS + 2 * k + 2] = key, made.entry.ctypes.data
+            fresh[PAIRS + 2 * k : PAIRS + 2 * k + 2] = key, made.entry.ctypes.data
         self._retired.append(self.table)
         self.table = fresh
         kernels.root[kernels.TABLE] = fresh.ctypes.data
@@ -311,13 +312,13 @@ def _new_state(made: SeaSurface, data: int) -> int:
         slots = 64
         while slots < 2 * len(made.states):
             slots *= 2
-        table = np.zeros(kernels.PAIRS + 2 * slots, dtype=np.int64)
-        table[kernels.SLOTS] = slots
+        table = np.zeros(PAIRS + 2 * slots, dtype=np.int64)
+        table[SLOTS] = slots
         for owner, state in made.states.items():
             k = (owner >> 4) & (slots - 1)
-            while table[kernels.PAIRS + 2 * k]:
+            while table[PAIRS + 2 * k]:
                 k = (k + 1) & (slots - 1)
-            table[kernels.PAIRS + 2 * k : kernels.PAIRS + 2 * k + 2] = owner, state.ctypes.data
+            table[PAIRS + 2 * k : PAIRS + 2 * k + 2] = owner, state.ctypes.data
         _tables.append(table)
         made.entry[kernels.STATES] = table.ctypes.data
     return int(made.states[data].ctypes.data)
@@ -338,8 +339,8 @@ def attach_surface(
 def register_surface(made: SeaSurface) -> None:
     """Let compiled code ask for states of a surface, calm ones."""
     made.states.clear()
-    empty = np.zeros(kernels.PAIRS + 4, dtype=np.int64)
-    empty[kernels.SLOTS] = 2
+    empty = np.zeros(PAIRS + 4, dtype=np.int64)
+    empty[SLOTS] = 2
     _tables.append(empty)
     made.entry[kernels.STATES] = empty.ctypes.data
     with _lock:

@@ -15,13 +15,8 @@ from mjskip._typing import Array
 from mjskip.checks import check_names, check_number, check_positive, check_switch, check_type, fault
 from mjskip.coupling import _moving_kernels as moving
 from mjskip.coupling.moving_water import MovingWater, SurfaceKind
-from mjskip.coupling.plugin import (
-    NAME,
-    instance_options,
-    plugin_instances,
-    plugin_surface,
-    register_plugin,
-)
+from mjskip.coupling.plugin import plugin_surface, register_plugin
+from mjskip.coupling.plugin_keys import NAME, instance_options, plugin_instances
 from mjskip.coupling.sea import SeaSurface, plugin_state
 from mjskip.errors import SceneError
 from mjskip.hydro.seas import Sea

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import mujoco
 import numpy as np
 
-from mjskip._typing import Array, SingleArray
+from mjskip._typing import Array
 from mjskip.draw._draw_kernels import box_means, fill_skin
+from mjskip.draw.surface import Surface
 
 VERTICES = 125 * 125
 """Most vertices drawn: more are smaller than a pixel at 640 x 480 and cost their share."""
@@ -17,17 +18,6 @@ VERTICES = 125 * 125
 _HORIZON = 250.0  # [m]: at eye height of a metre the last of it is a fraction of a pixel high
 _OUTER = 14  # vertices a side from the edge of what is looked at to the horizon
 _ANCHOR = "mjskip water"
-
-
-class Surface(Protocol):
-    """What is drawn of a water surface: `mjskip.HeightField` is one."""
-
-    @property
-    def elevation(self) -> SingleArray: ...  # (nx, ny) [m]
-    @property
-    def spacing(self) -> float: ...  # [m]
-    @property
-    def centre(self) -> tuple[float, float]: ...  # [m]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip._typing import Array, Flags
-from mjskip.coupling.plugin import NAME, plugin_water
+from mjskip.coupling.plugin_keys import NAME, plugin_water
 from mjskip.coupling.wet import body_stone
 from mjskip.envs.simulation import Rows, Sensors, Simulation
 from mjskip.envs.task import Task

@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from mjskip.checks import check_mapping, check_number, fault
-from mjskip.coupling.plugin import NAME
+from mjskip.coupling.plugin_keys import NAME
 from mjskip.hydro.seas import SEA_UNITS, Sea, sea_numbers, sea_text
 from mjskip.hydro.water import Water
 

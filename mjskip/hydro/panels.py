@@ -10,6 +10,7 @@ import numpy as np
 
 from mjskip._typing import Array
 from mjskip.errors import MeshError
+from mjskip.hydro._coupling_tables import PlaneWaves, plane_waves
 from mjskip.hydro._panel_kernels import influence
 
 PANELS = 160
@@ -259,6 +260,12 @@ class Influence:
     potential: Array
     velocity: Array
     depth: float
+
+    def plane_waves(self, k: float, directions: Array) -> PlaneWaves:
+        """Plane waves of wavenumber k [1/m] in these directions (m,) [rad] at the panels."""
+        return plane_waves(
+            self.points, self.normals, self.areas, k=k, directions=directions, depth=self.depth
+        )
 
     @cached_property
     def motions(self) -> Array:

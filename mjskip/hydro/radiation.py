@@ -204,14 +204,7 @@ def _with_short_waves(influence: Influence, modes: SurfaceModes) -> Influence:
     potential, velocity = influence.potential.copy(), influence.velocity.copy()
     for k, part in zip(cutoff * np.exp(stretch * (nodes + 1.0)), parts, strict=True):
         angles = ring_directions(2 * math.ceil(k * influence.hulls[0].radius) + 8)
-        wave = plane_waves(
-            influence.points,
-            influence.normals,
-            influence.areas,
-            k=k,
-            directions=angles,
-            depth=influence.depth,
-        )
+        wave = influence.plane_waves(k, angles)
         steep = math.tanh(k * influence.depth) if math.isfinite(influence.depth) else 1.0
         share = part * stretch * k / steep / (2.0 * math.pi * len(angles))  # k dk / (k tanh kH)
         velocity -= share * (wave.slope @ wave.source).real

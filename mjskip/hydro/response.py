@@ -123,14 +123,7 @@ def potentials(
             system[:n, :n] = influence.velocity
             system += shares[i, : n + m]
             k = float(wavenumber(w, depth=influence.depth, gravity=gravity))
-            wave = plane_waves(
-                influence.points,
-                influence.normals,
-                influence.areas,
-                k=k,
-                directions=headings,
-                depth=influence.depth,
-            )
+            wave = influence.plane_waves(k, headings)
             sources = np.zeros((n + m, radiated.shape[2] + len(headings)), complex)
             sources[:n, : radiated.shape[2]] = influence.motions
             sources[:n, radiated.shape[2] :] = 1j * gravity / w * wave.slope
@@ -163,14 +156,7 @@ def _far_waves(
     u the transform, at the real wavenumber, of the surface's upward speed by sources and lid.
     """
     angles = ring_directions(2 * math.ceil(k * reach) + 12)
-    wave = plane_waves(
-        influence.points,
-        influence.normals,
-        influence.areas,
-        k=k,
-        directions=angles,
-        depth=influence.depth,
-    )
+    wave = influence.plane_waves(k, angles)
     n = len(influence.areas)
     inside = np.exp(1j * k * (lid.points @ np.stack([np.cos(angles), np.sin(angles)])))
     rise = wave.source @ strengths[:n] - 1j * w / gravity * (

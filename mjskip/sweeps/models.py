@@ -28,7 +28,8 @@ from mjskip._typing import Array, PathLike, Progress
 from mjskip.checks import check_names, check_positive, fault
 from mjskip.coupling.bodies import body_name, find_body, free_bodies
 from mjskip.coupling.loading import check_replicated_plugins
-from mjskip.coupling.plugin import NAME, plugin_bodies, register_plugin
+from mjskip.coupling.plugin import register_plugin
+from mjskip.coupling.plugin_keys import NAME, plugin_bodies
 from mjskip.coupling.water_surface import add_water
 from mjskip.errors import DivergedError, MjskipError, MjskipWarning, SceneError
 from mjskip.hydro.hydrostatics import trim_and_heel

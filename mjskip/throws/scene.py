@@ -21,7 +21,7 @@ from mjskip._typing import PathLike
 from mjskip.checks import check_path, check_type
 from mjskip.coupling.bodies import body_name, find_body, free_bodies
 from mjskip.coupling.loading import load_model
-from mjskip.coupling.plugin import NAME, plugin_settings, plugin_water
+from mjskip.coupling.plugin_keys import NAME, plugin_settings, plugin_water
 from mjskip.coupling.terrain import ModelTerrain
 from mjskip.coupling.wet import THROWN_OPTIONS, body_stone
 from mjskip.errors import SceneError

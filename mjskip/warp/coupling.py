@@ -17,7 +17,7 @@ from mjskip._typing import Array
 from mjskip.checks import check_type
 from mjskip.coupling._struct_layout import members
 from mjskip.coupling.bodies import body_name
-from mjskip.coupling.plugin import NAME, plugin_bodies, plugin_water
+from mjskip.coupling.plugin_keys import NAME, plugin_bodies, plugin_water
 from mjskip.coupling.selection import select
 from mjskip.coupling.wet import HullOptions, hull_of, inertia_of
 from mjskip.errors import SceneError
