@@ -38,6 +38,7 @@ WRONG = {
     "nothing to throw in": (lambda: mjskip.simulate(None), "scene is None: give a path"),
     "no such engine": (lambda: mjskip.simulate("lake", engine=1), "engine is 1: use one of mujoco, ref"),
     "no such surface": (lambda: mjskip.simulate_all("lake", surface="wet"), "surface is 'wet': use one"),
+    "deep water under a throw": (lambda: mjskip.simulate("lake", surface="deep"), "surface is 'deep': a throw keeps"),
     "text for a run's step": (lambda: mjskip.simulate("lake", timestep="1"), "timestep is '1': give a f"),
     "a word for frozen": (
         lambda: mjskip.simulate("lake", frozen_attitude="no"), "frozen_attitude is 'no': give True or",

@@ -147,6 +147,7 @@ BAD = {
         ("run", "--surface", "waves", "--law", "bocquet2003"),
         "use one of lee2010",
     ),
+    "deep water under a throw": (("run", "--surface", "deep"), "add_water"),
     "command": (("throw",), "No such command"),
     "ladder": (("compare", "--timestep", "3e-4", "--timestep", "2e-4"), "no multiple"),
     "never touches": (("compare", "--height", "900"), "does not touch the water"),

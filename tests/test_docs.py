@@ -43,3 +43,10 @@ def test_the_reference_page_shows_every_public_name():
 def test_every_page_is_in_the_navigation():
     listed = set(re.findall(r"[\w-]+\.md", (ROOT / "mkdocs.yml").read_text()))
     assert listed == {page.name for page in (ROOT / "docs").glob("*.md")}
+
+
+def test_contributing_names_tests_that_there_are():
+    text = (ROOT / "CONTRIBUTING.md").read_text()
+    named = set(re.findall(r"`(test_\w+)`", text))
+    assert len(named) > 20
+    assert not [name for name in named if not (ROOT / "tests" / f"{name}.py").exists()]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+import warnings
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +18,17 @@ from mjskip._typing import Progress
 from mjskip.cli.console import err, out, progress_bar
 from mjskip.coupling.floating import floating_bodies
 from mjskip.coupling.loading import load_model
+from mjskip.errors import MjskipWarning
 from mjskip.files import check_target, whole_file
-from mjskip.hydro.decay import decays, natural_periods
-from mjskip.hydro.response import DOFS, coefficients, response_amplitudes
+from mjskip.hydro.decay import RESTORED, decays, natural_periods
+from mjskip.hydro.panels import hull_influence
+from mjskip.hydro.response import DOFS, FloatingBody, coefficients, response_amplitudes
 from mjskip.throws.scene import shipped_scenes
 
 COUNT = 40
 """Frequencies unless told otherwise."""
+RESOLVED = 4.0
+"""Mean sides of a panel in the shortest waves that it resolves."""
 
 MAX_FREQUENCIES = 10_000
 """Frequencies that may be asked for: a solution of the panels each."""
@@ -117,15 +123,19 @@ def analysed(
     model = load_model(shipped_scenes().get(name, Path(name)))
     gravity = float(-model.opt.gravity[2])
     bodies = floating_bodies(model, density=density)
+    shortest = RESOLVED * max(body.hull.panel_size for body in bodies)
+    highest = math.sqrt(2.0 * math.pi * gravity / shortest)
     if omega is None:
-        rough = natural_periods(
-            coefficients(
-                bodies, _span(bodies, gravity), density=density, gravity=gravity, depth=depth
-            )
+        slowest, fastest = _natural_span(bodies, density, gravity, depth)
+        low, high = 0.35 * slowest, 1.6 * fastest
+        omega = low, max(min(high, highest), 1.5 * low), COUNT
+    elif omega[1] > highest:
+        warnings.warn(
+            f"omega goes to {omega[1]:g} rad/s and the panels of the largest hull resolve waves of {shortest:.2g} m and "
+            f"longer, up to {highest:.3g} rad/s: take curves beyond that as rough",
+            MjskipWarning,
+            stacklevel=2,
         )
-        known = rough.values[np.isfinite(rough.values)]
-        fastest, slowest = (known.min(), known.max()) if len(known) else (1.0, 4.0)
-        omega = 0.35 * 2.0 * math.pi / slowest, 2.2 * 2.0 * math.pi / fastest, COUNT
     data = coefficients(
         bodies,
         np.linspace(*omega),
@@ -143,10 +153,19 @@ def analysed(
     return data
 
 
-def _span(bodies: Any, gravity: float) -> Any:
-    """A few frequencies about those of a hull's size."""
-    width = [2.0 * body.hull.radius for body in bodies]
-    return np.sqrt(gravity * np.array([0.3, 1.0, 3.0, 8.0]) / np.mean(width))
+def _natural_span(
+    bodies: Sequence[FloatingBody], density: float, gravity: float, depth: float
+) -> tuple[float, float]:
+    """Lowest and highest natural frequency [rad/s], with the added mass at infinity."""
+    found = []
+    for body in bodies:
+        added = hull_influence(body.hull, depth=depth).added_mass(density)
+        stiffness = body.hull.stiffness(density=density, gravity=gravity, mass=body.mass)
+        for k in RESTORED:
+            ratio = stiffness[k, k] / (body.mass_matrix + added)[k, k]
+            if ratio > 1e-9:
+                found.append(math.sqrt(ratio))
+    return (min(found), max(found)) if found else (2.0, 6.0)
 
 
 def report(data: xarray.Dataset) -> dict[str, Any]:

@@ -9,11 +9,11 @@ from typing import Any, TypeVar
 
 import click
 
+from mjskip.coupling.moving_water import SURFACES
 from mjskip.hydro.laws import LAWS
 from mjskip.hydro.water import GATES
 from mjskip.throws.recording import Limits
 from mjskip.throws.scene import Scene, load_scene
-from mjskip.throws.simulate import SURFACES
 from mjskip.throws.throw import PARAMETERS
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -72,7 +72,7 @@ timestep_option = click.option(
 
 surface_option = click.option(
     "--surface", type=click.Choice(SURFACES), default="still", show_default=True,
-    help="What stones feel: the undisturbed level, or the moving surface (two-way).",
+    help="What stones feel: the undisturbed level, or the scene's lake as they move it; deep by the plugin only.",
 )  # fmt: skip
 
 

@@ -18,6 +18,9 @@ from mjskip.hydro.hydrostatics import SinksError, float_at_rest
 from mjskip.hydro.panels import WettedHull, wetted_hull
 from mjskip.hydro.response import FloatingBody
 
+PANELS = 320
+"""Panels of all hulls together for curves over frequency, at least: of one twice what a simulation has."""
+
 
 def floating_bodies(
     model: mujoco.MjModel, *, density: float = 1000.0, options: HullOptions | None = None
@@ -56,7 +59,7 @@ def floating_bodies(
         raise SceneError(
             f"nothing floats in this model: {'; '.join(reasons) or 'it has no free body'}"
         )
-    return [_placed(*one, alone=len(found) == 1) for one in found]
+    return [_placed(*one, count=len(found)) for one in found]
 
 
 def _tree_inertia(model: mujoco.MjModel, data: Any, root: int, centre: Array) -> Array:
@@ -79,17 +82,19 @@ def _placed(
     rest: Any,
     centre: Array,
     *,
-    alone: bool,
+    count: int,
 ) -> FloatingBody:
     """A body as it floats; alone in its own level frame."""
     turn = np.asarray(rest.rotation)
-    place = np.zeros(2) if alone else centre[:2]
-    if alone:
+    place = np.zeros(2) if count == 1 else centre[:2]
+    if count == 1:
         yaw = math.atan2(turn[1, 0] - turn[0, 1], turn[0, 0] + turn[1, 1])
         c, s = math.cos(yaw), math.sin(yaw)
         turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) @ turn
     height = rest.centre_of_mass
-    own = wetted_hull(triangles @ turn.T + [0.0, 0.0, height], height=height)
+    own = wetted_hull(
+        triangles @ turn.T + [0.0, 0.0, height], height=height, panels=max(PANELS // count, 100)
+    )
     return FloatingBody(
         name=name,
         hull=WettedHull(

@@ -188,7 +188,7 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         usable = out is not None and out.dtype == np.uint8 and out.flags.c_contiguous
         image = out if usable and out is not None else np.empty(shape, np.uint8)
         with self._current():
-            with self._hidden():
+            with self._hidden(), self._opaque():
                 mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._mjr_context)
                 mujoco.mjr_render(self._rect, self._scene, self._mjr_context)
             gl().glFlush()  # it draws while the rest is made ready
@@ -206,7 +206,8 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
 
     def _render_ids(self, out: npt.NDArray[Any] | None, passes: WaterPasses) -> npt.NDArray[Any]:
         """Depth and segmentation: MuJoCo's, and the water where it is nearer."""
-        found: npt.NDArray[Any] = super().render(out=out)
+        with self._opaque():
+            found: npt.NDArray[Any] = super().render(out=out)
         with self._current(), own_state():
             view, _ = self._see(passes)
             self._take(passes)
@@ -253,6 +254,20 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
             for geom, kind, material, size in hidden:
                 geom.type, geom.matid = kind, material
                 geom.size[:] = size
+
+    @contextlib.contextmanager
+    def _opaque(self) -> Iterator[None]:
+        """Translucent geoms are drawn opaque: MuJoCo gives them no depth, and the water would cover them."""
+        changed = []
+        for geom in self._scene.geoms[: self._scene.ngeom]:
+            if 0.0 < geom.rgba[3] < 1.0 and geom.objtype == mujoco.mjtObj.mjOBJ_GEOM:
+                changed.append((geom, float(geom.rgba[3]), geom.transparent))
+                geom.rgba[3], geom.transparent = 1.0, 0
+        try:
+            yield
+        finally:
+            for geom, alpha, transparent in changed:
+                geom.rgba[3], geom.transparent = alpha, transparent
 
     def _take(self, passes: WaterPasses) -> None:
         """What MuJoCo drew, for the water's passes."""

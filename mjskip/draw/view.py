@@ -23,7 +23,7 @@ from mjskip.errors import RenderError
 from mjskip.throws.engines import MujocoEngine
 from mjskip.throws.run import Run
 from mjskip.throws.scene import Scene
-from mjskip.throws.simulate import SURFACES, Surface, warm_up
+from mjskip.throws.simulate import Surface, check_surface, warm_up
 
 FPS = 60.0
 """Frames per second at most."""
@@ -82,14 +82,11 @@ def view(
         RenderError: there is no display.
         DivergedError: a force or a motion is not finite.
     """
-    if surface not in SURFACES:
-        raise ValueError(f"surface is {surface!r}: use one of {', '.join(SURFACES)}")
+    check_surface(surface, scene)
     if not 1.0 <= slow <= 1000.0:
         raise ValueError(f"slow is {slow!r}: give how many times slower, from 1 to 1000")
     if not seconds > 0.0:
         raise ValueError(f"seconds is {seconds!r}: give a time above 0")
-    if surface == "waves" and scene.plugged:
-        raise ValueError("surface is 'waves': the engine plugin knows still water only")
     check_display()
     warm_up()
     grid = Grid.around(step=0.03)

@@ -92,6 +92,19 @@ class WettedHull:
         """Largest horizontal distance of a wetted point from the centre of mass [m]."""
         return float(np.linalg.norm(self.triangles[..., :2] - self.centre, axis=-1).max())
 
+    @cached_property
+    def panel_size(self) -> float:
+        """Mean side of a panel: of the square of twice its area [m]."""
+        return math.sqrt(2.0 * float(self.areas.mean()))
+
+    def moved(self, by: Array) -> WettedHull:
+        """The same elsewhere, by (2,) [m]."""
+        return WettedHull(
+            triangles=self.triangles + np.array([*by, 0.0]),
+            height=self.height,
+            centre=self.centre + by,
+        )
+
     def moments(self) -> tuple[float, Array, Array]:
         """Waterplane area [m^2], its first (2,) [m^3] and second (2, 2) [m^4] moments about the centre."""
         down = -self.area_vectors[:, 2] / 3.0

@@ -6,7 +6,12 @@ Of a motion exp(-i omega t) the surface is left out exactly: with f = 1 / (g k t
 
 C s is the transform of the upward speed that the sources s make at the surface, D phi the normal speed that
 the waves make at the panels, X^ the transform of the lid's points. Then psi = P s + E phi + phi_I and
-F = -i omega rho sum_j psi_j n_j A_j. Signs and names are Capytaine's: a wave of unit amplitude runs as
+F = -i omega rho sum_j psi_j n_j A_j. What the surface does is of low rank, U core(omega) V* of some tens of
+patterns, so that a frequency costs little (Woodbury): of a condition b
+
+    y = (1 + core V* N U)^-1 core V* N b,  (s, q) = N (b - U y),  N = M^-1 on the hull, 1 on the lid
+
+Signs and names are Capytaine's: a wave of unit amplitude runs as
 exp(i (k.x - omega t)).
 """
 
@@ -33,7 +38,10 @@ from mjskip.hydro.surface_modes import (
 )
 
 DOFS = ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")
-BLOCK_BYTES = 1.5e8
+RANK_TOLERANCE = 1e-4
+"""Share of what the surface does that its patterns may leave out."""
+MAX_WAVES = 2500
+"""Plane waves, at most: bodies of unlike size far apart share them, and the shortest are left out."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,10 +73,15 @@ def response_modes(influence: Influence, *, highest: float, gravity: float) -> S
     """Modes that resolve waves of up to the angular frequency `highest` [rad/s] at these hulls."""
     reach = max(float(np.linalg.norm(h.triangles[..., :2], axis=-1).max()) for h in influence.hulls)
     width = min(hull_width(hull) for hull in influence.hulls)
-    cutoff = max(2.0 * highest**2 / gravity, 12.0 / width)
-    return surface_modes(
-        shortest=2.0 * math.pi / cutoff, reach=reach, depth=influence.depth, gravity=gravity
-    )
+    needed = 1.5 * highest**2 / gravity
+    cutoff = max(needed, 12.0 / width)
+    while True:
+        modes = surface_modes(
+            shortest=2.0 * math.pi / cutoff, reach=reach, depth=influence.depth, gravity=gravity
+        )
+        if modes.size <= MAX_WAVES or cutoff <= needed:
+            return modes
+        cutoff = max(0.9 * cutoff, needed)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -114,29 +127,33 @@ def potentials(
     incident = np.empty_like(scattered)
     outward = np.empty((len(omega), radiated.shape[2], radiated.shape[2]))
     terms = _SurfaceTerms.of(influence, modes, lid)
-    step = max(1, int(BLOCK_BYTES / (16.0 * (2 * n + m) * (n + m))))
-    for start in range(0, len(omega), step):
-        some = omega[start : start + step]
-        shares = terms.at(some)
-        for i, w in enumerate(some):
-            system = np.eye(n + m, dtype=complex)
-            system[:n, :n] = influence.velocity
-            system += shares[i, : n + m]
-            k = float(wavenumber(w, depth=influence.depth, gravity=gravity))
-            wave = influence.plane_waves(k, headings)
-            sources = np.zeros((n + m, radiated.shape[2] + len(headings)), complex)
-            sources[:n, : radiated.shape[2]] = influence.motions
-            sources[:n, radiated.shape[2] :] = 1j * gravity / w * wave.slope
-            strengths = np.asarray(np.linalg.solve(system, sources), dtype=np.complex128)
-            found = influence.potential @ strengths[:n] + shares[i, n + m :] @ strengths
-            radiated[start + i] = found[:, : radiated.shape[2]]
-            scattered[start + i] = found[:, radiated.shape[2] :]
-            incident[start + i] = -1j * gravity / w * wave.value
-            outward[start + i] = _far_waves(
-                influence, lid, strengths[:, : radiated.shape[2]], float(w), k, gravity, modes.reach
-            )
-            if progress:
-                progress(start + i + 1, len(omega))
+    bodies = radiated.shape[2]
+    wavenumbers = wavenumber(omega, depth=influence.depth, gravity=gravity)
+    waves = [influence.plane_waves(float(k), headings) for k in wavenumbers]
+    met = [1j * gravity / w * wave.slope for w, wave in zip(omega, waves, strict=True)]
+    solved = np.linalg.solve(
+        influence.velocity, np.hstack([influence.motions, terms.received[:n], *met])
+    )
+    alone, pushed = solved[:, :bodies], solved[:, bodies : bodies + terms.rank]
+    met_alone = solved[:, bodies + terms.rank :].reshape(n, len(omega), -1)
+    answer = terms.received[n + m :] - influence.potential @ pushed
+    on_hull, on_lid = terms.emitted[:, :n], terms.emitted[:, n:]
+    back, back_lid = on_hull @ pushed, on_lid @ terms.received[n : n + m]
+    for i, w in enumerate(omega):
+        core = terms.core(w)
+        first = np.hstack([alone, met_alone[:, i]])
+        y = np.linalg.solve(
+            np.eye(terms.rank) + core @ (back + 1j * w * back_lid), core @ (on_hull @ first)
+        )
+        found = influence.potential @ first + answer @ y
+        radiated[i], scattered[i] = found[:, :bodies], found[:, bodies:]
+        incident[i] = -1j * gravity / w * waves[i].value
+        strengths = np.vstack([first - pushed @ y, -terms.received[n : n + m] @ y])[:, :bodies]
+        outward[i] = _far_waves(
+            influence, lid, strengths, float(w), float(wavenumbers[i]), gravity, modes.reach
+        )
+        if progress:
+            progress(i + 1, len(omega))
     return radiated, scattered, incident, outward
 
 
@@ -173,25 +190,26 @@ def _far_waves(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _SurfaceTerms:
-    """What sources and lid do through the surface, ring by ring.
+    """What sources and lid do through the surface, by patterns.
 
     Attributes:
-        received: of every wave at the panels' flow (n), the lid (m) and the panels' potential (n): (2 n + m, waves).
-        emitted: to every wave by sources and lid (waves, n + m).
+        received: U, of every pattern at the panels' flow (n), the lid (m) and the panels' potential (n): (2 n + m, r).
+        emitted: V*, from sources and lid to patterns (r', n + m); the lid's part is to be multiplied by i omega.
+        rings: what pattern makes what through each ring of waves (rings, r, r').
         modes: the waves.
-        lid_columns: number m of columns that belong to the lid.
     """
 
     received: Complex
     emitted: Complex
+    rings: Complex
     modes: SurfaceModes
-    lid_columns: int
 
     @classmethod
     def of(cls, influence: Influence, modes: SurfaceModes, lid: _Lid) -> _SurfaceTerms:
         received, emitted = [], []
         for k, weight, count in zip(modes.wavenumbers, modes.weights, modes.angles, strict=True):
             angles = ring_directions(int(count))
+            share = np.sqrt(weight)
             wave = plane_waves(
                 influence.points,
                 influence.normals,
@@ -202,33 +220,44 @@ class _SurfaceTerms:
             )
             inside = np.exp(1j * k * (lid.points @ np.stack([np.cos(angles), np.sin(angles)])))
             emitted.append(
-                np.hstack([-modes.gravity * wave.source, (lid.areas[:, None] / inside).T])
+                share * np.hstack([-modes.gravity * wave.source, (lid.areas[:, None] / inside).T])
             )
             received.append(
-                weight * np.vstack([wave.slope, -lid.rates[:, None] * inside, wave.value])
+                share * np.vstack([wave.slope, -lid.rates[:, None] * inside, wave.value])
             )
-        return cls(
-            received=np.hstack(received),
-            emitted=np.vstack(emitted),
-            modes=modes,
-            lid_columns=len(lid.areas),
-        )
+        wide, tall = np.hstack(received), np.vstack(emitted)
+        left, right = _column_basis(wide), _column_basis(tall.conj().T).conj().T
+        across, down = left.conj().T @ wide, tall @ right.conj().T
+        rings = [across[:, a:b] @ down[a:b] for a, b in itertools.pairwise(modes.first)]
+        return cls(received=left, emitted=right, rings=np.stack(rings), modes=modes)
 
-    def at(self, omega: Array) -> Complex:
-        """received . f(omega) . emitted for angular frequencies (w,): (w, 2 n + m, n + m)."""
-        rows, columns = len(self.received), self.emitted.shape[1]
-        share = 1.0 / (self.modes.frequencies**2 - omega[:, None] ** 2)
-        out = np.empty((len(omega), rows, columns), complex)
-        first = self.modes.first
-        step = max(1, int(BLOCK_BYTES / (16.0 * len(self.modes.angles) * columns)))
-        for top in range(0, rows, step):
-            block = self.received[top : top + step]
-            rings = np.stack(
-                [block[:, a:b] @ self.emitted[a:b] for a, b in itertools.pairwise(first)]
-            )
-            out[:, top : top + step] = np.tensordot(share, rings, 1)
-        out[..., columns - self.lid_columns :] *= 1j * omega[:, None, None]
-        return out
+    @property
+    def rank(self) -> int:
+        """Number r of patterns."""
+        return int(self.received.shape[1])
+
+    def core(self, omega: float) -> Complex:
+        """From emitted to received patterns at an angular frequency (r, r')."""
+        share = 1.0 / (self.modes.frequencies**2 - omega**2)
+        return np.asarray(np.tensordot(share, self.rings, 1))
+
+
+def _column_basis(table: Complex) -> Complex:
+    """Orthonormal columns that span those of a table (n, m), by random combinations of them."""
+    random = np.random.default_rng(0)
+    tests = table @ random.standard_normal((table.shape[1], 8))
+    scale, basis = np.linalg.norm(tests), np.zeros((len(table), 0), complex)
+    while basis.shape[1] < min(table.shape):
+        count = min(max(64, basis.shape[1] // 2), min(table.shape) - basis.shape[1])
+        some = table @ random.standard_normal((table.shape[1], count))
+        for _ in range(2):  # twice: to rounding
+            some -= basis @ (basis.conj().T @ some)
+            some = np.linalg.qr(some)[0]
+        basis = np.hstack([basis, some])
+        tests -= some @ (some.conj().T @ tests)
+        if np.linalg.norm(tests) < RANK_TOLERANCE * scale:
+            break
+    return basis
 
 
 def coefficients(
@@ -271,10 +300,15 @@ def coefficients(
         16.0 * panels * (8.0 * panels + 2.0 * len(frequencies) * columns),
         "ask for fewer frequencies, directions or faces of hulls (max_faces)",
     )
-    influence = hull_influence(*(body.hull for body in bodies), depth=depth)
+    middle = np.mean([body.hull.centre for body in bodies], axis=0)
+    influence = hull_influence(*(body.hull.moved(-middle) for body in bodies), depth=depth)
     radiated, scattered, incident, outward = potentials(
         influence, frequencies, directions=directions, gravity=gravity, progress=progress
     )
+    k = wavenumber(frequencies, depth=depth, gravity=gravity)
+    towards = np.stack([np.cos(directions), np.sin(directions)])
+    turn = np.exp(1j * k[:, None] * (middle @ towards))[:, None]  # phases are those at the origin
+    scattered, incident = turn * scattered, turn * incident
     reaction = -density * influence.loads @ radiated  # A + i B / omega
     swing = -1j * density * frequencies[:, None, None]
     krylov = (swing * (influence.loads @ incident)).swapaxes(1, 2)

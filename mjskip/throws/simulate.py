@@ -38,6 +38,7 @@ EngineName = Literal["mujoco", "reference"]
 ENGINES: tuple[EngineName, ...] = get_args(EngineName)
 Surface = Literal["still", "waves"]
 SURFACES: tuple[Surface, ...] = get_args(Surface)
+"""Of a throw: of the words of `mjskip.coupling.moving_water` those that a scene's lake knows."""
 
 STEP_FRACTION = 0.5
 """Largest time step, in times that the stone takes to fly through its own thickness."""
@@ -121,7 +122,7 @@ def simulate_all(
         check_type("record", record, SurfaceFrames, "give a mjskip.waves.SurfaceFrames")
     check_switch("frozen_attitude", frozen_attitude)
     check_choice("engine", engine, ENGINES)
-    check_choice("surface", surface, SURFACES)
+    check_surface(surface, scene)
     check_positive(timestep=timestep)
     _check_options(scene, engine, timestep, limits, frozen_attitude=frozen_attitude, waves=waves)
     if scene.afloat:
@@ -239,16 +240,35 @@ def largest_timestep(stone: Stone, speed: float) -> float:
     return STEP_FRACTION * stone.thickness / speed if speed > 0.0 else math.inf
 
 
+def check_surface(surface: str, scene: Scene) -> None:
+    """Refuse a surface that a throw of this scene does not know.
+
+    Raises:
+        ValueError: says which it knows, and where the other is.
+    """
+    if surface == "deep":
+        raise ValueError(
+            "surface is 'deep': a throw keeps the lake of its scene, which is 'still' or 'waves'; real waves go with "
+            "the bodies, by mjskip.add_water(spec, surface='deep') and mj_step, or by mjskip.throws.two_way"
+        )
+    check_choice("surface", surface, SURFACES)
+    if surface == "waves" and scene.plugged:
+        there = (
+            "its bodies radiate, and make and feel waves already; leave surface out"
+            if scene.water.radiation
+            else "say surface there by <config>"
+        )
+        raise ValueError(
+            f"surface is 'waves': this scene's water comes from the engine plugin; {there}"
+        )
+
+
 def _check_options(
     scene: Scene, engine: EngineName, timestep: float, limits: Limits, *,
     frozen_attitude: bool, waves: bool,
 ) -> None:  # fmt: skip
     """Refuse what cannot be done together."""
     limits.check_steps(timestep, bodies=len(scene.stones))
-    if waves and scene.plugged:
-        raise ValueError(
-            "surface is 'waves': this scene's water comes from the engine plugin; say surface there by <config>"
-        )
     if waves:
         check_law(scene.water.law)
     if scene.plugged and scene.water != scene.plugged[scene.body]:
