@@ -1,5 +1,6 @@
 """Compiled code is never stale, and a damaged or unwritable cache costs time and at most one line."""
 
+import ast
 import os
 import shutil
 import subprocess
@@ -9,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import mjskip
+from mjskip._compile import cache
 
 PACKAGE = Path(mjskip.__file__).parent
 
@@ -138,3 +140,16 @@ def test_on_a_full_disk_the_code_runs_unkept_and_says_so_once(copied):
         assert run(copied) == (good, 1)
     finally:
         subprocess.run(["umount", str(folder)], check=True)
+
+
+def test_the_files_that_a_file_imports_are_those_that_python_finds_in_it():
+    for file in sorted(cache.PACKAGE.rglob("*.py")):
+        names = set()
+        for node in ast.parse(file.read_text()).body:
+            if isinstance(node, ast.Import):
+                names |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.module:
+                names |= {node.module} | {f"{node.module}.{alias.name}" for alias in node.names}
+        inside = (name.split(".")[1:] for name in names if name.startswith("mjskip."))
+        paths = (cache.PACKAGE.joinpath(*parts).with_suffix(".py") for parts in inside)
+        assert cache._imported(file) == {path for path in paths if path.is_file()}, file

@@ -8,10 +8,10 @@ cannot be read is compiled again; where entries cannot be written, one warning i
 
 from __future__ import annotations
 
-import ast
 import hashlib
 import os
 import pickle
+import re
 import shutil
 import time
 import warnings
@@ -30,6 +30,10 @@ from mjskip.errors import MjskipWarning
 PACKAGE = Path(__file__).parents[1]
 watchers: list[Callable[[], None]] = []
 """Called whenever a function is about to be compiled, for those who show that."""
+IMPORT = re.compile(
+    rf"^(?:from ({PACKAGE.name}[\w.]*) import (\([^)]*\)|[^\n]*)|import ([\w., ]+))", re.MULTILINE
+)
+"""Import statements of this package outside of any block: parsing whole files takes as long as importing MuJoCo."""
 
 UNUSED_DAYS = 30
 """Folders of other origins that nobody made or used for so long are removed when a new one is made."""
@@ -78,11 +82,12 @@ def _sources(file: Path) -> tuple[Path, ...]:
 def _imported(file: Path) -> frozenset[Path]:
     """Files of this package that a file names in its import statements."""
     names: set[str] = set()
-    for node in ast.parse(_text(file)).body:
-        if isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            names |= {node.module} | {f"{node.module}.{alias.name}" for alias in node.names}
+    for module, imported, alone in IMPORT.findall(_text(file)):
+        if module:
+            parts = re.sub(r"#.*", "", imported).strip("()").split(",")
+            names |= {module} | {f"{module}.{part.split()[0]}" for part in parts if part.strip()}
+        else:
+            names |= {part.split()[0] for part in alone.split(",")}
     inside = (name.split(".")[1:] for name in names if name.startswith(f"{PACKAGE.name}."))
     paths = (PACKAGE.joinpath(*parts).with_suffix(".py") for parts in inside)
     return frozenset(path for path in paths if path.is_file())

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped, unused-ignore]
 
 from mjskip._typing import Array, Integers
 from mjskip.hydro import _afloat_kernels as kernels
@@ -204,22 +205,25 @@ def prepare(
         most_readings: patterns of flow and of the lid of one body, at most; the weakest are left out.
         modes: those of the bodies in another pose, to go on with; made if None.
     """
-    hulls = [hull_at_rest(t, rest) for t, rest in zip(surfaces, rests, strict=True)]
-    away = np.linalg.norm(places - places.mean(axis=0), axis=1)
-    reach = max(hull.radius + a for hull, a in zip(hulls, away, strict=True))
-    if len(hulls) > 1:
-        reach *= DRIFT_ALLOWANCE
-    modes = modes or body_modes(
-        tuple(hulls), reach=reach, depth=sea.depth, gravity=sea.gravity, most=most_waves
-    )
-    tables = [
-        radiation_table(hull, modes, density=density, most=most_readings // 2) for hull in hulls
-    ]
-    bodies = [
-        pack_body(table, t, rest, sea)
-        for table, t, rest in zip(tables, surfaces, rests, strict=True)
-    ]
-    surface = pack_surface(modes, sea, bodies=len(bodies), timestep=timestep)
+    with threadpool_limits(
+        limits=1, user_api="blas"
+    ):  # small matrices: threads that wait cost more
+        hulls = [hull_at_rest(t, rest) for t, rest in zip(surfaces, rests, strict=True)]
+        away = np.linalg.norm(places - places.mean(axis=0), axis=1)
+        reach = max(hull.radius + a for hull, a in zip(hulls, away, strict=True))
+        if len(hulls) > 1:
+            reach *= DRIFT_ALLOWANCE
+        modes = modes or body_modes(
+            tuple(hulls), reach=reach, depth=sea.depth, gravity=sea.gravity, most=most_waves
+        )
+        tables = [
+            radiation_table(hull, modes, density=density, most=most_readings // 2) for hull in hulls
+        ]
+        bodies = [
+            pack_body(table, t, rest, sea)
+            for table, t, rest in zip(tables, surfaces, rests, strict=True)
+        ]
+        surface = pack_surface(modes, sea, bodies=len(bodies), timestep=timestep)
     return modes, surface, bodies, tables
 
 

@@ -120,21 +120,7 @@ def radiation_table(
         np.ceil(np.abs(modes.wavenumbers) * hull.radius).astype(np.int64) + SPARE_ORDERS,
         modes.angles // 2 - 1,
     )
-    waves: list[PlaneWaves] = []
-    insides: list[Complex] = []
-    for k, order in zip(modes.wavenumbers, orders, strict=True):
-        angles = ring_directions(2 * int(order) + 4)
-        waves.append(
-            plane_waves(
-                hull.points,
-                hull.normals,
-                hull.areas,
-                k=complex(k),
-                directions=angles,
-                depth=modes.depth,
-            )
-        )
-        insides.append(np.exp(1j * k * (lid_points @ np.stack([np.cos(angles), np.sin(angles)]))))
+    waves, insides = _waves_at(hull, lid_points, modes, orders)
     omega, weight = modes.frequencies, modes.weights
     to_phi = weight * gravity / omega
     patterns = _patterns(
@@ -191,6 +177,24 @@ def radiation_table(
         density=density,
         influence=influence,
     )
+
+
+def _waves_at(
+    hull: WettedHull, lid_points: Array, modes: SurfaceModes, orders: Integers
+) -> tuple[list[PlaneWaves], list[Complex]]:
+    """Of every ring of modes, the plane waves at the panels, and exp(i k.x) at the lid's points."""
+    waves: list[PlaneWaves] = []
+    insides: list[Complex] = []
+    for k, order in zip(modes.wavenumbers, orders, strict=True):
+        angles = ring_directions(2 * int(order) + 4)
+        waves.append(
+            plane_waves(
+                hull.points, hull.normals, hull.areas,
+                k=complex(k), directions=angles, depth=modes.depth,
+            )
+        )  # fmt: skip
+        insides.append(np.exp(1j * k * (lid_points @ np.stack([np.cos(angles), np.sin(angles)]))))
+    return waves, insides
 
 
 def _with_short_waves(influence: Influence, modes: SurfaceModes) -> Influence:

@@ -166,6 +166,9 @@ def simulate_all(
     wall = time.perf_counter() - begun
 
     trajectories = {name: log.trajectory({}) for name, log in logs.items()}
+    qpos, surfaces = None, recorder.recording if recorder is not None else None
+    if model_log is not None:
+        surfaces, qpos = model_log.recording or surfaces, np.array(model_log.qpos)
     thrown = {name: _thrown(scene, name, trajectories[name]) for name in scene.held}
     scene = replace(scene, throws={**scene.throws, **thrown})
     common = {
@@ -173,16 +176,13 @@ def simulate_all(
         "frozen_attitude": frozen_attitude, "limits": asdict(limits), "wall_seconds": wall,
         **({"load_radius": load_radius} if waves else {}),
     }  # fmt: skip
-    for name, trajectory in trajectories.items():
-        trajectory.attributes.update(_provenance(scene, name), **common)
-    recording = recorder.recording if recorder is not None else None
-    qpos = None
-    if model_log is not None:
-        recording, qpos = model_log.recording or recording, np.array(model_log.qpos)
     return {
-        name: replace(one, surface=recording, qpos=None if qpos is None else qpos[: len(one.time)])
+        name: replace(
+            one, surface=surfaces, qpos=None if qpos is None else qpos[: len(one.time)],
+            attributes=_provenance(scene, name) | common,
+        )
         for name, one in trajectories.items()
-    }
+    }  # fmt: skip
 
 
 def _provenance(scene: Scene, name: str) -> dict[str, Any]:
