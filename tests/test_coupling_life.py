@@ -3,6 +3,8 @@
 import copy
 import gc
 import math
+import pickle
+import re
 import subprocess
 import sys
 import weakref
@@ -14,8 +16,10 @@ import pytest
 import mjskip
 from mjskip import Water, attach, register_plugin
 from mjskip.coupling.attach import Coupling
+from mjskip.coupling.bodies import free_bodies
 from mjskip.coupling.callback import _attached, _slot
 from mjskip.errors import CouplingError, MjskipWarning, SceneError
+from mjskip.throws.scene import shipped_scenes
 
 FLOATING = Water.floating()
 RAFT = """<mujoco><option timestep=".002" integrator="{}"/><worldbody><body name="b" pos="0 0 .03"><freejoint/>
@@ -213,6 +217,108 @@ def test_a_copy_that_is_stepped_without_water_is_said(how):
     coupling.close()  # once is enough
 
 
+@pytest.mark.parametrize("which", ["attached", "stepped"])
+def test_a_model_that_was_pickled_is_a_copy_too(which):
+    """Files keep no signature: sizes and names tell it."""
+    one, _ = raft()
+    other = pickle.loads(pickle.dumps(one))
+    assert other.signature == 0
+    attached, stepped = (other, one) if which == "attached" else (one, other)
+    coupling = attach(attached, water=FLOATING)
+    mujoco.mj_step(stepped, mujoco.MjData(stepped), nstep=20)
+    with pytest.warns(MjskipWarning, match="a copy of this model"):
+        coupling.close()
+
+
+def test_a_model_of_another_kind_is_no_copy_though_neither_has_a_signature(recwarn):
+    one = pickle.loads(pickle.dumps(raft()[0]))
+    other = pickle.loads(pickle.dumps(mujoco.MjModel.from_xml_string(LEGGED)))
+    coupling = attach(one, water=FLOATING)
+    mujoco.mj_step(other, mujoco.MjData(other), nstep=20)
+    coupling.close()
+    assert not list(recwarn)
+
+
+def test_actuation_that_is_disabled_meanwhile_is_noticed_and_the_water_acts_again():
+    model, data = raft()
+    coupling = attach(model, data, water=FLOATING)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
+    for ask in (coupling.check, lambda: coupling.wrench(data, "b"), coupling.close):
+        with pytest.raises(CouplingError, match="silences callbacks"):
+            ask()
+    model.opt.disableflags = 0
+    with coupling:
+        mujoco.mj_step(model, data, nstep=1000)
+    assert abs(data.qpos[2]) < 0.1
+
+
+CHANGES = {
+    "size": lambda m: m.geom_size.__setitem__((0, 0), 0.3),
+    "place": lambda m: m.geom_pos.__setitem__((0, 2), 0.1),
+    "centre of mass": lambda m: m.body_ipos.__setitem__((1, 0), 0.1),
+}
+
+
+@pytest.mark.parametrize("change", CHANGES.values(), ids=list(CHANGES))
+def test_a_hull_that_is_changed_after_attach_is_said_once(change, recwarn):
+    model, data = raft()
+    coupling = attach(model, data, water=FLOATING)
+    coupling.check()
+    assert not list(recwarn)
+    change(model)
+    coupling.check()
+    coupling.close()
+    assert [str(w.message) for w in recwarn] == [
+        "geoms or the centre of mass of body 'b' were changed after attach(), and the water acts on the hull that it "
+        "had: close(), and attach() again"
+    ]
+    recwarn.clear()
+    attach(model, data, water=FLOATING).close()
+    assert not list(recwarn)
+
+
+def test_a_mass_that_is_changed_after_attach_is_right(recwarn):
+    model, data = raft()
+    with attach(model, data, water=FLOATING):
+        model.body_mass[1], model.body_inertia[1] = 70.0, 2.0 * model.body_inertia[1]
+        mujoco.mj_setConst(model, data)
+        mujoco.mj_step(model, data, nstep=20000)
+    assert data.qpos[2] == pytest.approx(0.1 - 0.07, abs=1e-4)
+    assert not list(recwarn)
+
+
+@pytest.mark.parametrize("route", ["native", "python", "plugin"])
+def test_without_gravity_nothing_is_borne(route):
+    carries = '<plugin plugin="mjskip.water"><config key="preset" value="floating"/></plugin>'
+    register_plugin()
+    text = RAFT.format("Euler").replace(
+        "</body>", (carries if route == "plugin" else "") + "</body>"
+    )
+    extension = '<mujoco><extension><plugin plugin="mjskip.water"/></extension>'
+    model = mujoco.MjModel.from_xml_string(text.replace("<mujoco>", extension, 1))
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_GRAVITY
+    data = mujoco.MjData(model)
+    if route == "plugin":
+        mujoco.mj_step(model, data, nstep=500)
+    else:
+        with attach(model, data, water=FLOATING, native=route == "native") as coupling:
+            mujoco.mj_step(model, data, nstep=500)
+            assert coupling.wrench(data, "b").force[2] == 0.0
+    assert data.qpos[2] == pytest.approx(0.03, abs=1e-12)
+
+
+def test_gravity_that_is_tilted_is_said_at_once_and_when_it_becomes_so():
+    model, data = raft()
+    model.opt.gravity[0] = 1.0
+    with pytest.warns(MjskipWarning, match=r"gravity is \(1, 0, -9.81\).*turn the model instead"):
+        attach(model, data, water=FLOATING).close()
+    model.opt.gravity[0] = 0.0
+    coupling = attach(model, data, water=FLOATING)
+    model.opt.gravity[:] = 0.0, 0.0, 9.81
+    with pytest.warns(MjskipWarning, match=r"gravity is \(0, 0, 9.81\)"):
+        coupling.close()
+
+
 def test_compiling_the_same_model_while_attached_is_no_copy():
     model, data = raft("RK4")
     with attach(model, data, water=FLOATING):
@@ -328,20 +434,39 @@ LEGGED = """<mujoco><option timestep="5e-4" integrator="RK4"><flag contact="disa
   </body></worldbody></mujoco>"""
 
 
-def energy(model, data, coupling):
-    """Kinetic, of gravity, and of the water that is displaced [J]."""
+def energy(model, data, coupling, roots):
+    """Kinetic, of gravity and springs, and of the water that is displaced [J]."""
     mujoco.mj_forward(model, data)
-    held = coupling.hydrostatics(data)
-    return data.energy.sum() - 9810.0 * held.displaced_volume * held.centre_of_buoyancy[2]
+    held = [coupling.hydrostatics(data, root) for root in roots]
+    return data.energy.sum() - 9810.0 * sum(
+        h.displaced_volume * h.centre_of_buoyancy[2] for h in held
+    )
 
 
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("what", ["duck", "legs"])
+PASSIVE = ["duck", "boat", "buoy", "boat_in_swell", "drone_deck"]
+"""Shipped scenes in which nothing drives what floats, but the sea of the last three."""
+
+
+def without_plugin(scene):
+    """A shipped scene without its plugin, and the hull's options; what is afloat is let go in still water."""
+    file = mjskip.load_scene(scene).path if scene in ("duck", "boat") else shipped_scenes()[scene]
+    text = re.sub(
+        r"<extension>.*?</extension>|<plugin instance=\S*/>", "", file.read_text(), flags=re.S
+    )
+    assets = {str(f.relative_to(file.parent)): f.read_bytes() for f in file.parent.rglob("*.xml")}
+    options = {"interior": "deck", "geoms": "planks"} if scene == "boat" else {}
+    return mujoco.MjModel.from_xml_string(text, assets), options
+
+
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize(
+    "what", [pytest.param(w, marks=pytest.mark.slow) for w in PASSIVE[1:]] + ["duck", "legs"]
+)
 def test_released_from_anywhere_energy_never_grows(what, seed):
     if what == "legs":
-        model = mujoco.MjModel.from_xml_string(LEGGED)
+        model, options = mujoco.MjModel.from_xml_string(LEGGED), {}
     else:
-        model = copy.copy(mjskip.load_scene("duck").model)
+        model, options = without_plugin(what)
         model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
         model.opt.integrator, model.opt.timestep = mujoco.mjtIntegrator.mjINT_RK4, 5e-4
@@ -350,11 +475,12 @@ def test_released_from_anywhere_energy_never_grows(what, seed):
     data.qpos[2] = rng.uniform(-0.1, 0.3)
     data.qvel[:] = rng.normal(size=model.nv)
     mujoco.mj_normalizeQuat(model, data.qpos)
-    with attach(model, data, water=FLOATING) as coupling:
-        had = [energy(model, data, coupling)]
+    roots = free_bodies(model)
+    with attach(model, data, water=FLOATING, **options) as coupling:
+        had = [energy(model, data, coupling, roots)]
         for _ in range(600):
             mujoco.mj_step(model, data, nstep=5)
-            had.append(energy(model, data, coupling))
+            had.append(energy(model, data, coupling, roots))
     spent = np.ptp(had)
     assert np.diff(had).max() < 1e-9 * spent
     assert spent > 0.01
@@ -362,12 +488,29 @@ def test_released_from_anywhere_energy_never_grows(what, seed):
 
 @pytest.mark.parametrize("scene", ["duck", "boat"])
 def test_a_floating_scene_stays_where_it_is_for_a_minute(scene):
-    model = mjskip.load_scene(scene).model
+    stays_for_a_minute(mjskip.load_scene(scene).model, attached=scene == "duck")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scene", PASSIVE[2:])
+def test_what_floats_in_a_sea_stays_where_it_is_when_the_sea_is_calm(scene):
+    """By the plugin: its body radiates; the mooring of two is left out, the drone sinks."""
+    register_plugin()
+    spec = mujoco.MjSpec.from_file(str(shipped_scenes()[scene]))
+    for plugin in spec.plugins:
+        plugin.config = {k: v for k, v in plugin.config.items() if k != "sea"}
+    for tendon in spec.tendons:
+        spec.delete(tendon)
+    stays_for_a_minute(spec.compile(), attached=False)
+
+
+def stays_for_a_minute(model, *, attached):
+    """A body at rest on still water neither drifts nor turns."""
     data = mujoco.MjData(model)
-    at_rest = mjskip.float_at_rest(model)
+    at_rest = mjskip.float_at_rest(model, body=free_bodies(model)[0])
     assert at_rest.stable
-    data.qpos[:] = at_rest.qpos
-    coupling = None if scene == "boat" else attach(model, data, water=FLOATING)
+    data.qpos[:7] = at_rest.qpos[:7]
+    coupling = attach(model, data, water=FLOATING) if attached else None
     mujoco.mj_step(model, data, nstep=round(60.0 / model.opt.timestep))
     assert np.abs(data.qpos[:3] - at_rest.qpos[:3]).max() < 1e-3
     w, x, y, z = data.qpos[3:7]

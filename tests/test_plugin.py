@@ -704,3 +704,30 @@ def resident():
     """Memory of this process [bytes]."""
     with open("/proc/self/statm") as file:
         return int(file.read().split()[1]) * resource.getpagesize()
+
+
+IDLE = {
+    "world": (
+        "<body name='a'><freejoint/><geom size='.1'/></body>{}",
+        "'world' carries it, which does not move",
+    ),
+    "mocap": (
+        "<body name='a' mocap='true'><geom size='.1'/>{}</body>",
+        "'a' carries it, which does not move",
+    ),
+    "flags": ("<body><freejoint/><geom size='.1'/>{}</body>", "silences every passive force"),
+}
+
+
+@pytest.mark.parametrize("what", IDLE)
+def test_an_instance_that_nothing_would_feel_is_refused(what):
+    body, says = IDLE[what]
+    flag = '<option><flag spring="disable" damper="disable"/></option>' if what == "flags" else ""
+    text = (
+        f'<mujoco>{flag}<extension><plugin plugin="mjskip.water"/></extension><worldbody>'
+        + body.format('<plugin plugin="mjskip.water"/>')
+        + "</worldbody></mujoco>"
+    )
+    register_plugin()
+    with pytest.raises(ValueError, match=says):
+        mujoco.MjModel.from_xml_string(text)

@@ -6,6 +6,7 @@ import warnings
 import mujoco
 import numpy as np
 import pytest
+import trimesh
 
 import mjskip
 from mjskip import Water, attach, register_plugin
@@ -13,7 +14,8 @@ from mjskip.cli import main
 from mjskip.coupling.attach import Coupling
 from mjskip.coupling.loading import load_model
 from mjskip.coupling.selection import select
-from mjskip.errors import MjskipWarning, SceneError
+from mjskip.errors import MeshError, MjskipWarning, SceneError
+from mjskip.hydro.solids import union
 
 FLOATING = Water.floating()
 
@@ -66,6 +68,42 @@ def test_free_trees_are_wet_each_body_with_what_is_welded_to_it_by_its_colliding
     assert {robot.body(b).name: why for b, why in found.dry.items()} == {"arm": "not chosen"}
     left = found.wet[1].left_out
     assert left == {robot.geom("skin").id: "does not collide, others of its body do"}
+
+
+def test_a_visual_twin_in_a_welded_body_is_left_out_as_one_in_the_same_body():
+    twin = '<geom type="box" size=".12 .12 .12" contype="0" conaffinity="0" mass="0"/>'
+    solid = '<geom name="solid" type="box" size=".1 .1 .1" density="300"/>'
+    for inside in (
+        solid + twin,
+        f"{solid}<body>{twin}</body>",
+        f"<body>{twin}</body><body>{solid}</body>",
+    ):
+        model = mujoco.MjModel.from_xml_string(
+            f"<mujoco><worldbody><body><freejoint/>{inside}</body></worldbody></mujoco>"
+        )
+        with attach(model, water=FLOATING) as coupling:
+            assert coupling.hulls[0].volume == pytest.approx(0.008)
+
+
+def test_a_body_that_follows_a_mocap_frame_is_not_moved_by_water():
+    model = mujoco.MjModel.from_xml_string(
+        "<mujoco><worldbody><body name='hand' mocap='true'><geom size='.1'/></body>"
+        "<body><freejoint/><geom size='.1' density='300'/></body></worldbody></mujoco>"
+    )
+    with pytest.raises(SceneError, match="'hand' is fixed to the world"):
+        attach(model, bodies="hand", water=FLOATING)
+
+
+def test_flat_parts_of_a_mesh_displace_nothing_and_stop_nothing():
+    """Two sheets of four triangles each, closed and without volume, beside a box: as in scans of hands."""
+    box = trimesh.creation.box((0.2, 0.2, 0.2))
+    sheet = trimesh.Trimesh(
+        [[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]], [[0, 1, 2], [0, 2, 1]], process=False
+    )
+    sheets = [sheet.copy().apply_translation([0.3 + 0.2 * k, 0, 0]) for k in range(2)]
+    assert union([box, *sheets]).volume == pytest.approx(0.008)
+    with pytest.raises(MeshError, match="flat"):
+        union(sheets)
 
 
 RULES = [

@@ -84,7 +84,7 @@ def stack_doubles(typingctx: Any, count: Any) -> Any:
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         block = builder.alloca(ir.DoubleType(), size=args[0])
-        block.align = 16
+        block.align = 64
         return builder.ptrtoint(block, ir.IntType(64))
 
     return types.int64(types.int64), codegen
@@ -98,6 +98,16 @@ def as_ints(typingctx: Any, address: Any) -> Any:
         return builder.inttoptr(args[0], ir.IntType(32).as_pointer())
 
     return types.CPointer(types.int32)(types.int64), codegen
+
+
+@intrinsic
+def as_bytes(typingctx: Any, address: Any) -> Any:
+    """Address of bytes as a pointer that indexes like a C array."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.inttoptr(args[0], ir.IntType(8).as_pointer())
+
+    return types.CPointer(types.uint8)(types.int64), codegen
 
 
 @intrinsic

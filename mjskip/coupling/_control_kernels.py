@@ -6,9 +6,10 @@ kept on disk:
     root      address of the force kernel, of the callback that was here before (0: none), of the map,
               offsets of members of mjModel and mjData
     map       number of slots, then pairs (address of a model, address of its entry), open addressing
-    entry     attached bodies; address of the model's downward gravity, time step and inverse weights; its
-              signature; what happened: calls for models of the same signature that are
-              not attached since the last one for this model, failed body (-1: none) and time, body
+    entry     attached bodies; address of the model's downward gravity, disabling flags, time step and inverse weights; its
+              signature, the size of its buffer and of its names, and the address of a copy of these; what happened:
+              calls for models of the same signature, or of the same sizes and names if one has none, that are not
+              attached since the last one for this model, failed body (-1: none) and time, body
               whose step was too large (-1: none), time and the step that it needs (doubles' bits);
               a function void(context, model, data) that sets the wrenches instead (0: none), its context;
               address of the entry of bodies that radiate (0: none) and of what acts on them (`_sea_kernels`);
@@ -28,7 +29,15 @@ from llvmlite import binding
 from numba import types
 
 from mjskip._compile.jit import kernel
-from mjskip._compile.pointers import as_doubles, as_words, call_address, stack_doubles, symbol
+from mjskip._compile.pointers import (
+    as_bytes,
+    as_doubles,
+    as_ints,
+    as_words,
+    call_address,
+    stack_doubles,
+    symbol,
+)
 from mjskip.coupling._record_kernels import SCRATCH, body_state, wet_load
 from mjskip.coupling._struct_layout import library
 
@@ -37,15 +46,17 @@ SLOTS, PAIRS = 0, 1
 ATTACHED, GRAVITY, TIMESTEP, INVERSE_WEIGHTS, SIGNATURE = 0, 1, 2, 3, 4
 COPY_CALLS, FAILED, FAILURE_TIME, LIMITED, LIMIT_TIME, NEEDED_STEP = 5, 6, 7, 8, 9, 10
 INSTEAD, CONTEXT, SEA, SEA_ACT = 11, 12, 13, 14
-RECORDS = 15
+BUFFER_SIZE, NAMES_SIZE, NAMES, DISABLED = 15, 16, 17, 18
+RECORDS = 19
 ROW = 4
 
 DATA_MEMBERS = ("xpos", "xmat", "cvel", "subtree_com", "xfrc_applied", "time")
 XPOS, XMAT, CVEL, SUBTREE_COM, XFRC_APPLIED, TIME = range(MEMBERS, MEMBERS + len(DATA_MEMBERS))
 SIGNATURE_AT = MEMBERS + len(DATA_MEMBERS)
+BUFFER_SIZE_AT, NAMES_SIZE_AT, NAMES_AT = SIGNATURE_AT + 1, SIGNATURE_AT + 2, SIGNATURE_AT + 3
 
 empty_map = np.array([1, 0, 0], dtype=np.int64)
-root = np.zeros(SIGNATURE_AT + 1, dtype=np.int64)
+root = np.zeros(NAMES_AT + 1, dtype=np.int64)
 root[MAP] = empty_map.ctypes.data
 _root = symbol("mjskip_control_root", root.ctypes.data)
 
@@ -54,20 +65,38 @@ mj_warning = types.ExternalFunction("mj_warning", types.void(types.int64, types.
 
 # MuJoCo's constants, part of its binary interface
 WARN_BADQACC = 5
+NO_GRAVITY = 1 << 7
 WARNED_BODY = 1_000_000  # added to the body's id, where MuJoCo's own warning has a dof
 
 
 @kernel
 def _note_copy(table: Any, models: Any, model: int) -> None:
     """A model that is not attached: say so to the entry of one that it may be a copy of."""
-    signature = as_words(model + table[SIGNATURE_AT])[0]
     for k in range(models[SLOTS]):
-        if (
-            models[PAIRS + 2 * k] != 0
-            and as_words(models[PAIRS + 2 * k + 1])[SIGNATURE] == signature
-        ):
-            as_words(models[PAIRS + 2 * k + 1])[COPY_CALLS] += 1
-            return
+        if models[PAIRS + 2 * k] != 0:
+            entry = as_words(models[PAIRS + 2 * k + 1])
+            if _may_be_copy(table, entry, model):
+                entry[COPY_CALLS] += 1
+                return
+
+
+@kernel
+def _may_be_copy(table: Any, entry: Any, model: int) -> bool:
+    """Whether a model has the signature of an attached one; or its sizes and names, where files kept no signature."""
+    signature = as_words(model + table[SIGNATURE_AT])[0]
+    if signature != 0 and entry[SIGNATURE] != 0:
+        same: bool = signature == entry[SIGNATURE]
+        return same
+    size = entry[NAMES_SIZE]
+    if as_words(model + table[BUFFER_SIZE_AT])[0] != entry[BUFFER_SIZE]:
+        return False
+    if as_words(model + table[NAMES_SIZE_AT])[0] != size:
+        return False
+    ours, theirs = as_bytes(entry[NAMES]), as_bytes(as_words(model + table[NAMES_AT])[0])
+    different = 0
+    for i in range(size):
+        different |= ours[i] ^ theirs[i]
+    return different == 0
 
 
 def control(model: int, data: int) -> None:
@@ -94,6 +123,8 @@ def control(model: int, data: int) -> None:
     scratch = load + 8 * 12
     pose, wrench = as_doubles(state), as_doubles(load)
     gravity = -as_doubles(entry[GRAVITY])[0]
+    if as_ints(entry[DISABLED])[0] & NO_GRAVITY != 0:
+        gravity = 0.0
     timestep = as_doubles(entry[TIMESTEP])[0]
     weights = as_doubles(entry[INVERSE_WEIGHTS])
     places, axes = as_words(data + table[XPOS])[0], as_words(data + table[XMAT])[0]

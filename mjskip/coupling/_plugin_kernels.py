@@ -12,7 +12,7 @@ Python, which builds its record; that happens when MjData is made, or when someb
 Of a large mesh some words are hashed at every call, with the address of the model; MjData that is made looks at all.
 
     root      addresses of the force and immersion kernels, of the builder and of the table; offsets of
-              gravity and time step in mjModel; number of the plugin, of its key `radiation`; addresses of what lets
+              gravity, time step and disabling flags in mjModel; number of the plugin, of its key `radiation`; addresses of what lets
               bodies radiate (`_sea_kernels`); offsets of the members of mjModel and
               mjData below
     table     of pairs (hash, address of the record; 0: cannot be built, 1: dry), stamped (`_table_kernels`)
@@ -31,6 +31,7 @@ from numba import types
 from mjskip._compile.jit import kernel
 from mjskip._compile.pointers import (
     as_doubles,
+    as_ints,
     as_words,
     bits,
     call_address,
@@ -51,7 +52,8 @@ WRENCH, IMMERSION, BUILDER, TABLE, GRAVITY, TIMESTEP, SLOT, INTEGRATOR = range(8
 MOVING_COMPUTE, MOVING_ADVANCE, MOVING_DRAW = 8, 9, 10  # 0 until an instance needs them
 SCENE_MAXGEOM, SCENE_NGEOM, SCENE_GEOMS, GEOM_BYTES = 11, 12, 13, 14
 RADIATION_KEY, SEA_ACT, SEA_ADVANCE, SEA_SENSE = 15, 16, 17, 18
-MEMBERS = 19
+DISABLED = 19
+MEMBERS = 20
 ASK, BODY, INSTANCE, KEY, ANSWER, MESSAGE, REQUEST = 0, 1, 2, 3, 4, 5, 6
 CONFIGURATION, HULL, FRESH_HULL, WARNINGS, TOO_LARGE_STEP, SURFACE, STATE_SIZE = range(7)
 """What is asked: whether a configuration is allowed; a record; the same after a look at all of its meshes;
@@ -108,6 +110,7 @@ SENSOR, PASSIVE = 2, 4  # capabilities
 GEOM_MESH = 7
 ASLEEP = 0
 WARN_BADQACC = 5
+NO_GRAVITY = 1 << 7
 WARNED_BODY = 1_000_000  # added to the body's id, where MuJoCo's own warning has a dof
 
 root = np.zeros(MEMBERS + len(MODEL_MEMBERS) + len(DATA_MEMBERS), dtype=np.int64)
@@ -371,9 +374,12 @@ def load_body(table: Any, model: int, data: int, body: int, instance: int, scrat
             scratch,
         )
         weights = doubles(table, model, BODY_INVWEIGHT0)
+        gravity = -as_doubles(model + table[GRAVITY])[2]
+        if as_ints(model + table[DISABLED])[0] & NO_GRAVITY != 0:
+            gravity = 0.0
         needed = wet_load(
             table[WRENCH], record, scratch, scratch + 8 * AT_WRENCH, scratch + 8 * AT_LOAD,
-            as_doubles(model + table[TIMESTEP])[0], -as_doubles(model + table[GRAVITY])[2],
+            as_doubles(model + table[TIMESTEP])[0], gravity,
             weights[2 * body], weights[2 * body + 1],
         )  # fmt: skip
         if needed < known[NEEDED_STEP]:

@@ -144,6 +144,11 @@ class ModelView:
         found = [_array(self._address + option_offset(n), "mjtNum", (1,))[0] for n in MEDIUM]
         return float(found[0]), float(found[1])
 
+    @property
+    def disabled(self) -> int:
+        """`MjModel.opt.disableflags`."""
+        return int(_array(self._address + option_offset("disableflags"), "int", (1,))[0])
+
     def body(self, body: int) -> SimpleNamespace:
         """Name of a body, as `MjModel.body` has it."""
         return self._named(self.name_bodyadr[body])

@@ -18,7 +18,12 @@ from mjskip.checks import check_array, check_count, check_type, fault
 from mjskip.coupling import callback
 from mjskip.coupling.bodies import body_id, body_name, find_body
 from mjskip.coupling.plugin_keys import plugin_water
-from mjskip.coupling.records import make_record, physical_warnings, too_large_step
+from mjskip.coupling.records import (
+    gravity_warnings,
+    make_record,
+    physical_warnings,
+    too_large_step,
+)
 from mjskip.coupling.sea import (
     FloatingHull,
     SeaSurface,
@@ -37,6 +42,12 @@ from mjskip.hydro.seas import Sea
 from mjskip.hydro.water import Water
 from mjskip.hydro.wrench import Wrench, pack, wrench_of
 from mjskip.rigid.state import pack_states
+
+ACTUATION = int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+SILENCED = (
+    'the water stopped acting: <flag actuation="disable"/> was set while it was attached, which silences callbacks; '
+    "enable actuation, or close() first"
+)
 
 
 class Coupling:
@@ -119,6 +130,7 @@ class Coupling:
             model, self.bodies, self.records, self.blocks, self.inertias, self.surface
         )
         self._before: Array | None = None
+        self._shapes_before = self._shapes()
         self._depth = 0
         self._remove: Callable[[], bool] | None = None
         self._told: set[str] = set()
@@ -195,7 +207,7 @@ class Coupling:
         """
         if self._remove is not None:
             return self
-        if self.model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_ACTUATION:
+        if self.model.opt.disableflags & ACTUATION:
             raise SceneError(
                 'this model says <flag actuation="disable"/>, which silences callbacks: remove it so that '
                 "water can act"
@@ -220,8 +232,11 @@ class Coupling:
             CouplingError: the water had stopped acting, because another callback took its place.
         """
         if self._remove is not None:
+            silenced = bool(self.model.opt.disableflags & ACTUATION)
             self._end()
             if not sys.is_finalizing():
+                if silenced:
+                    raise CouplingError(SILENCED)
                 self.check()
 
     def _end(self) -> None:
@@ -279,6 +294,16 @@ class Coupling:
                     body_name(self.model, body), float(self.model.opt.timestep), needed, when
                 ),
             )
+        for text in gravity_warnings(self.model.opt.gravity):
+            if text not in self.warnings:
+                self._warn("gravity", text)
+        for body, now, before in zip(self.bodies, self._shapes(), self._shapes_before, strict=True):
+            if now != before:
+                self._warn(
+                    f"shape {body}",
+                    f"geoms or the centre of mass of body {body_name(self.model, body)!r} were changed after attach(), and "
+                    "the water acts on the hull that it had: close(), and attach() again",
+                )
         if entry.copy_was_stepped:
             self._warn(
                 "copy",
@@ -286,7 +311,21 @@ class Coupling:
                 "too, or let a Batch step this very model by batch.set_models(model)",
             )
 
+    def _shapes(self) -> list[bytes]:
+        """What hulls are made of and where they are, of every wet body, to see whether it was changed."""
+        model = self.model
+        found = []
+        for wet in self.wet:
+            members, geoms = list(wet.members), list(wet.geoms)
+            arrays = [model.body_ipos[members], model.geom_size[geoms]]
+            arrays += [model.geom_pos[geoms], model.geom_quat[geoms]]
+            arrays += [model.body_pos[members[1:]], model.body_quat[members[1:]]]
+            found.append(b"".join(array.tobytes() for array in arrays))
+        return found
+
     def _check_callback(self) -> None:
+        if self._remove is not None and self.model.opt.disableflags & ACTUATION:
+            raise CouplingError(SILENCED)
         if self._remove is not None and not callback.is_acting(self):
             self._entry.replaced = True
         if self._entry.replaced:

@@ -56,12 +56,16 @@ class Entry:
         for body, inertia in zip(bodies, inertias, strict=True):
             offset = np.asarray(inertia.centre - model.body_ipos[body], np.float64)
             self.offsets.append(offset if offset.any() else None)
-        gravity, timestep = _option_addresses(model)
+        gravity, timestep, disabled = _option_addresses(model)
         words = np.zeros(tables.RECORDS + tables.ROW * len(bodies), np.int64)
         words[tables.ATTACHED] = len(bodies)
         words[tables.GRAVITY], words[tables.TIMESTEP] = gravity, timestep
+        words[tables.DISABLED] = disabled
         words[tables.INVERSE_WEIGHTS] = model.body_invweight0.ctypes.data
         words[tables.SIGNATURE : tables.SIGNATURE + 1].view(np.uint64)[0] = model.signature
+        self.names = np.frombuffer(model.names, np.uint8).copy()
+        words[tables.BUFFER_SIZE], words[tables.NAMES_SIZE] = model.nbuffer, self.names.size
+        words[tables.NAMES] = self.names.ctypes.data
         for k, body in enumerate(bodies):
             at, away = tables.RECORDS + tables.ROW * k, self.offsets[k]
             words[at], words[at + 1] = body, model.body_rootid[body]
@@ -77,6 +81,7 @@ class Entry:
                     words[tables.RECORDS + tables.ROW * k + 2] = 0
         self.words = words
         self._gravity = (ctypes.c_double).from_address(gravity)
+        self._disabled = (ctypes.c_int).from_address(disabled)
         self.forget()
 
     def replace_loads(self, function: int, context: Array) -> None:
@@ -128,17 +133,24 @@ class Entry:
         """Whether a model of the same signature was stepped without water, and this one not any more."""
         return bool(self.words[tables.COPY_CALLS] > COMPILERS_CALLS)
 
+    @property
+    def gravity(self) -> float:
+        """Of the model, downwards, now [m/s^2]; 0 where it is disabled."""
+        return 0.0 if self._disabled.value & tables.NO_GRAVITY else -self._gravity.value
+
     def follow_gravity(self, record: Array, block: Array) -> None:
         """Let a block have the gravity that its model has now."""
         if record[loads.BEARING] != 0.0:
-            block[WEIGHT_DENSITY] = -record[loads.BEARING] * self._gravity.value
+            block[WEIGHT_DENSITY] = record[loads.BEARING] * self.gravity
 
 
-def _option_addresses(model: mujoco.MjModel) -> tuple[int, int]:
-    """Where a model has its gravity along z and its time step."""
+def _option_addresses(model: mujoco.MjModel) -> tuple[int, int, int]:
+    """Where a model has its gravity along z, its time step, and the flags of what is disabled."""
     option = members("mjOption")
     first = model.opt.gravity.ctypes.data - option["gravity"].offset
-    return first + option["gravity"].offset + 16, first + option["timestep"].offset
+    names = ("gravity", "timestep", "disableflags")
+    gravity, timestep, disabled = (first + option[name].offset for name in names)
+    return gravity + 16, timestep, disabled
 
 
 def _fill_root() -> None:
@@ -151,7 +163,11 @@ def _fill_root() -> None:
     data = members("mjData")
     for k, name in enumerate(tables.DATA_MEMBERS):
         tables.root[tables.MEMBERS + k] = data[name].offset
-    tables.root[tables.SIGNATURE_AT] = members("mjModel")["signature"].offset
+    model = members("mjModel")
+    tables.root[tables.SIGNATURE_AT] = model["signature"].offset
+    tables.root[tables.BUFFER_SIZE_AT] = model["nbuffer"].offset
+    tables.root[tables.NAMES_SIZE_AT] = model["nnames"].offset
+    tables.root[tables.NAMES_AT] = model["names"].offset
     tables.root[tables.WRENCH] = wrench_address()
 
 
@@ -270,7 +286,7 @@ def install_python(coupling: Coupling, entry: Entry) -> Callable[[], bool]:
                 out.ctypes.data,
                 scratch.ctypes.data,
                 float(model.opt.timestep),
-                float(-model.opt.gravity[2]),
+                entry.gravity,
                 *(float(w) for w in model.body_invweight0[body]),
             )
             entry.limit(body, data.time, needed)

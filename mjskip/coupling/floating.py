@@ -18,8 +18,8 @@ from mjskip.hydro.hydrostatics import SinksError, float_at_rest
 from mjskip.hydro.panels import WettedHull, wetted_hull
 from mjskip.hydro.response import FloatingBody
 
-PANELS = 320
-"""Panels of all hulls together for curves over frequency, at least: of one twice what a simulation has."""
+PANELS = 160
+"""Panels of all hulls together for curves over frequency, at least: and finer towards sharp edges."""
 
 
 def floating_bodies(
@@ -93,7 +93,10 @@ def _placed(
         turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) @ turn
     height = rest.centre_of_mass
     own = wetted_hull(
-        triangles @ turn.T + [0.0, 0.0, height], height=height, panels=max(PANELS // count, 100)
+        triangles @ turn.T + [0.0, 0.0, height],
+        height=height,
+        panels=max(PANELS // count, 80),
+        graded=True,
     )
     return FloatingBody(
         name=name,

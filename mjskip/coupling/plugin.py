@@ -82,7 +82,7 @@ from mjskip.coupling.sea import (
     most_state,
     surface_of,
 )
-from mjskip.coupling.selection import members_of
+from mjskip.coupling.selection import can_move, members_of
 from mjskip.coupling.wet import hull_of, inertia_of
 from mjskip.errors import MjskipError, MjskipWarning, SceneError
 from mjskip.hydro.wrench import immersion_address, pack, wrench_address
@@ -171,6 +171,7 @@ def _fill_root() -> None:
     root[kernels.TABLE] = _records.table.ctypes.data
     root[kernels.GRAVITY] = _layout.option_offset("gravity")
     root[kernels.TIMESTEP] = _layout.option_offset("timestep")
+    root[kernels.DISABLED] = _layout.option_offset("disableflags")
     root[kernels.RADIATION_KEY] = KEYS.index("radiation")
     root[kernels.INTEGRATOR] = _layout.option_offset("integrator")
     scene = _layout.members("mjvScene")
@@ -212,6 +213,7 @@ def _answer(model: int, address: int, _unused: int) -> None:
         if what == kernels.CONFIGURATION:
             _warn_of_mjx()
             _check_sensors(view, instance, settings)
+            _check_acts(view, instance, settings)
         elif what == kernels.WARNINGS:
             _warn_of_instance(view, instance, settings)
         elif what == kernels.STATE_SIZE:
@@ -374,7 +376,9 @@ def _warn_of_instance(view: Any, instance: int, settings: PluginSettings) -> Non
             )
     if reasons and not any(built.hull for _, _, built in wet):
         raise SceneError(f"plugin {NAME}: {'; '.join(reasons)}")
-    for text in physical_warnings(view, settings.water, wet, medium=view.medium):
+    for text in physical_warnings(
+        view, settings.water, wet, medium=view.medium, gravity=view.gravity
+    ):
         if text not in _warned:
             _warned.append(text)
             warnings.warn(text, MjskipWarning, stacklevel=2)
@@ -405,6 +409,26 @@ def _warn_of_step(view: Any, body: int, key: int) -> None:
         needed = float(kept.record[loads.NEEDED_STEP])
         warnings.warn(
             too_large_step(body_name(view, body), timestep, needed), MjskipWarning, stacklevel=2
+        )
+
+
+PASSIVE = int(mujoco.mjtDisableBit.mjDSBL_SPRING) | int(mujoco.mjtDisableBit.mjDSBL_DAMPER)
+
+
+def _check_acts(view: _layout.ModelView, instance: int, settings: PluginSettings) -> None:
+    """Refuse an instance whose force nothing would feel."""
+    carriers = np.flatnonzero(np.asarray(view.body_plugin) == instance)
+    wetted = list(wetted_bodies(view, instance, settings))
+    if len(carriers) and not any(can_move(view, body) for body in wetted):
+        name = body_name(view, int(carriers[0])) if carriers[0] else "world"
+        raise SceneError(
+            f"plugin {NAME}: body {name!r} carries it, which does not move: put it into a body with a joint at or above "
+            "it, as the root of what is to be wet"
+        )
+    if view.disabled & PASSIVE == PASSIVE:
+        raise SceneError(
+            f'plugin {NAME}: <flag spring="disable" damper="disable"/> silences every passive force, and the water\'s too: '
+            "enable one of them, or use mjskip.attach(model, data)"
         )
 
 

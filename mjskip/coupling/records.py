@@ -74,6 +74,7 @@ def physical_warnings(
     wet: Iterable[tuple[int, tuple[int, ...], BuiltHull]],
     *,
     medium: tuple[float, float] | None = None,
+    gravity: Any = None,
 ) -> list[str]:
     """What is physically doubtful about a model in water, a sentence each.
 
@@ -82,8 +83,9 @@ def physical_warnings(
         water: the fluid.
         wet: body, bodies welded together, and hull, of every wet body.
         medium: density and viscosity of MuJoCo's own medium; the model's if None.
+        gravity: (3,) [m/s^2]; the model's if None.
     """
-    found: list[str] = []
+    found = gravity_warnings(model.opt.gravity if gravity is None else gravity)
     density, viscosity = medium or (float(model.opt.density), float(model.opt.viscosity))
     if density > 0.0 or viscosity > 0.0:
         found.append(
@@ -103,6 +105,17 @@ def physical_warnings(
                 "sinks, because this water does not bear: use Water.floating(), or buoyancy=True"
             )
     return found
+
+
+def gravity_warnings(gravity: Any) -> list[str]:
+    """What to say if still water cannot lie level under this gravity (3,) [m/s^2]."""
+    x, y, z = (float(g) for g in gravity)
+    if math.hypot(x, y) <= 1e-9 * abs(z) and z <= 0.0:
+        return []
+    return [
+        f"gravity is ({x:g}, {y:g}, {z:g}) m/s^2, and the water lies level at z = 0: only gravity along -z holds it "
+        "there, and what floats is borne by the part along z alone; turn the model instead"
+    ]
 
 
 def _mass_warnings(model: Any, members: tuple[int, ...]) -> list[str]:

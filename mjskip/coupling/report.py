@@ -159,7 +159,7 @@ def _afloat(tree: TreeReport) -> str:
         return tree.flotation
     trim, heel = np.degrees([tree.trim, tree.heel])
     return (
-        f"floats at draft {tree.draft:.4g} m, trim {trim:.3g} deg, heel {heel:.3g} deg, "
+        f"floats at draft {tree.draft:.4g} m, trim {trim + 0.0:.2f} deg, heel {heel:.2f} deg, "
         f"GM {tree.metacentric_height:.3g} m"
     )
 

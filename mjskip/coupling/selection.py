@@ -1,7 +1,7 @@
 """Which bodies and geoms of a model are wet.
 
 Unless told otherwise: all moving bodies of every tree whose root has a free joint, each with the bodies that
-are welded to it, and of every body the geoms that collide, or all of them if none does.
+are welded to it, and of them together the geoms that collide, or all if none does.
 """
 
 from __future__ import annotations
@@ -103,25 +103,22 @@ def wet_body(
 ) -> WetBody:
     """A body and what is welded to it, with the geoms that a rule chooses; see `geom_rule`."""
     members = members_of(model, head, stop=stop)
-    geoms: list[int] = []
+    solid: list[int] = []
     left_out: dict[int, str] = {}
-    for member in members:
-        solid = []
-        for geom in body_geoms(model, member):
-            if int(model.geom_type[geom]) in SOLIDS:
-                solid.append(geom)
-            else:
-                left_out[geom] = f"is a {kind_name(model, geom)}, no solid"
-        if chosen is not None:
-            taken = [geom for geom in solid if chosen(geom)]
-            why = "not chosen"
+    for geom in (geom for member in members for geom in body_geoms(model, member)):
+        if int(model.geom_type[geom]) in SOLIDS:
+            solid.append(geom)
         else:
-            colliding = [geom for geom in solid if collides(model, geom)]
-            taken = colliding or solid
-            why = "does not collide, others of its body do"
-        geoms += taken
-        left_out |= {geom: why for geom in solid if geom not in taken}
-    return WetBody(body=head, members=members, geoms=tuple(geoms), left_out=left_out)
+            left_out[geom] = f"is a {kind_name(model, geom)}, no solid"
+    if chosen is not None:
+        taken = [geom for geom in solid if chosen(geom)]
+        why = "not chosen"
+    else:
+        colliding = [geom for geom in solid if collides(model, geom)]
+        taken = colliding or solid
+        why = "does not collide, others of its body do"
+    left_out |= {geom: why for geom in solid if geom not in taken}
+    return WetBody(body=head, members=members, geoms=tuple(taken), left_out=left_out)
 
 
 def collides(model: Any, geom: int) -> bool:
@@ -147,6 +144,15 @@ def _moves(model: Any, body: int) -> bool:
     return int(model.body_jntnum[body]) > 0
 
 
+def can_move(model: Any, body: int) -> bool:
+    """Whether a force moves a body: it, or one above it, has a joint; a mocap body has none."""
+    while body > 0:
+        if _moves(model, body):
+            return True
+        body = int(model.body_parentid[body])
+    return False
+
+
 def _heads(model: mujoco.MjModel, rule: BodyRule) -> list[int]:
     """The bodies that a rule names; those welded to them come with them."""
     moving = [body for body in range(1, model.nbody) if _moves(model, body)]
@@ -154,15 +160,15 @@ def _heads(model: mujoco.MjModel, rule: BodyRule) -> list[int]:
         roots = set(free_bodies(model))
         if not roots:
             raise SceneError(
-                "this model has no free body: give the stone a <freejoint/>, or choose with bodies= which "
-                'bodies are wet; bodies="all" takes every one that moves'
+                "this model has no free body: choose with bodies= which are wet, where "
+                'bodies="all" takes every one that moves, or give one that floats a <freejoint/>'
                 if moving
-                else "this model has no free body, and nothing else moves: give the stone a <freejoint/>"
+                else "this model has no free body, and nothing else moves: give one a <freejoint/>"
             )
         return [body for body in moving if int(model.body_rootid[body]) in roots]
     if isinstance(rule, str) and rule == "all":
         if not moving:
-            raise SceneError("nothing moves in this model: give the stone a <freejoint/>")
+            raise SceneError("nothing moves in this model: give a body a <freejoint/>")
         return moving
     groups = _groups("bodies", rule)
     if groups is not None:
@@ -188,7 +194,7 @@ def _nothing(why: str) -> list[int]:
 
 def _body(model: mujoco.MjModel, item: str | int) -> int:
     body = body_id(model, item)
-    if int(model.body_weldid[body]) == 0:
+    if not can_move(model, body):
         raise SceneError(
             f"body {body_name(model, body)!r} is fixed to the world: water cannot move it; name a body with "
             "a joint at or above it"

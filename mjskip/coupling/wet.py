@@ -251,7 +251,12 @@ def _build(
         )
     if not parts:
         return BuiltHull(hull=None, lost=lost)
-    whole = union(parts)
+    try:
+        whole = union(parts)
+    except MeshError as error:
+        if options.strict:
+            raise
+        return BuiltHull(hull=None, lost=dict.fromkeys(range(len(placed)), f"is no solid: {error}"))
     if options.interior == "convex":
         whole = convex_hull(whole.vertices)
     elif options.interior == "deck":

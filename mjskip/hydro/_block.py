@@ -1,6 +1,6 @@
 """What the force kernels know of a body: a block of doubles, body axes about the centre of mass.
 
-A header (the places below), then columns of faces, then a sphere about every group of faces, then the plane
+A header (the places below), then columns of faces, then what is known of every group of faces, then the plane
 faces if the law needs them (`_strip_kernels`). Number c of face i
 stands at HEADER + c STRIDE + i: columns let a loop over faces run in vector registers. Faces of a group lie near
 each other, so that many of a large body are passed over at once. The last columns are filled up to a multiple
@@ -37,7 +37,9 @@ GRAVITY = 32  # [m/s^2], for that alone, as what follows
 INVERSE_MASS = 33
 INERTIA = 34  # (9)
 INVERSE_INERTIA = 43  # (9)
-HEADER = 52
+MIDDLE = 52  # of a box about the body (3), along its axes
+HALF = 55  # half its sides (3)
+HEADER = 64
 
 CORNERS = 0  # a, b, c (9)
 AREA = 9
@@ -48,13 +50,17 @@ COLUMNS = 20
 # columns of faces, and of the wet pieces of faces
 NORMAL = 0  # outward, unit (3)
 CENTROID = 3  # (3)
-ARM = 6  # centroid x normal (3)
-RISE = 9  # vertical speed of the surface there, pieces only
-PIECE = 10
+ARM = 6  # centroid x normal (3), faces only
+RISE = 6  # vertical speed of the surface there, pieces only
+PIECE = 7
 
 WIDTH = 8  # doubles of the widest vector register
 GROUP = 32  # faces, a multiple of WIDTH
-SPHERE = 4  # centre (3) and radius about the faces of a group
+
+# of a group of faces
+BOX = 0  # middle (3) and half the sides (3) of a box about them
+LIFT = 6  # force (3) and torque (3) per rho g quite under water, each by height (1) and upward vertical (3)
+ABOUT_GROUP = 30
 
 # a plane face: normal (3), distance, number of edges, then the edges' ends
 EDGES = 4

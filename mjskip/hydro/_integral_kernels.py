@@ -17,6 +17,8 @@ from typing import Any
 from mjskip._compile.jit import kernel
 from mjskip._compile.pointers import as_doubles, place_of, stack_doubles
 from mjskip.hydro._block import (
+    ABOUT_GROUP,
+    BOX,
     CAVITY,
     COLUMNS,
     FACES,
@@ -32,11 +34,11 @@ from mjskip.hydro._block import (
     RISING,
     SPEED_NORMAL,
     SPEED_SQUARED,
-    SPHERE,
     STRIDE,
     UP,
     VELOCITY,
 )
+from mjskip.hydro._box_kernels import lowest_of
 from mjskip.hydro._patch_kernels import surface_at
 
 POINT = 3
@@ -266,9 +268,8 @@ def add_integrals(block: Any, state: Any, motion: Any, patch: Any, sums: Any) ->
     found = as_doubles(stack_doubles(INTEGRALS))
     for i in range(int(block[N_FACES])):
         if i % GROUP == 0:
-            k = HEADER + COLUMNS * n + SPHERE * (i // GROUP)
-            middle = z + ux * block[k] + uy * block[k + 1] + uz * block[k + 2]
-            dry = middle > block[k + 3] + highest
+            box = place_of(block, HEADER + COLUMNS * n + ABOUT_GROUP * (i // GROUP) + BOX)
+            dry = lowest_of(motion, box) > highest
         if dry:
             continue
         k = HEADER + i

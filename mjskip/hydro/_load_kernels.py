@@ -1,6 +1,6 @@
 """Loads on many pieces of faces at once: a force law, friction, skin friction; sums in vector registers.
 
-The pieces lie in columns (`_block`): normal, centroid and arm at `faces`, a column every `stride` numbers; their
+The pieces lie in columns (`_block`): normal and centroid at `faces`, a column every `stride` numbers; their
 wet areas are apart. Forces (3) and torques (3) are added to `sums`, body axes.
 """
 
@@ -10,10 +10,7 @@ from typing import Any
 from mjskip._compile.jit import inlined, vector_kernel
 from mjskip._compile.vector import log10, select
 from mjskip.hydro._block import (
-    FACES,
     FRICTION,
-    HEADER,
-    HEIGHT,
     LENGTH,
     LOCAL_GATE,
     NORMAL_SQUARED,
@@ -23,32 +20,26 @@ from mjskip.hydro._block import (
     SKIN_DENSITY,
     SPEED_NORMAL,
     SPEED_SQUARED,
-    STRIDE,
     UP,
     VELOCITY,
     VISCOSITY,
-    WEIGHT_DENSITY,
 )
 
 
 @inlined
-def add_law(
-    block: Any, motion: Any, faces: Any, stride: int, areas: Any, count: int, waves: bool, sums: Any
-) -> None:
-    """The load of the law: against the normal, and along the face where it has friction."""
-    if count > 0:
+def add_loads(
+    block: Any, motion: Any, faces: Any, stride: int, areas: Any, count: int,
+    law: bool, waves: bool, sums: Any,
+) -> None:  # fmt: skip
+    """The loads of all pieces: of the law if it is wanted, and skin friction if the water rubs."""
+    if count == 0:
+        return
+    if block[SKIN_DENSITY] != 0.0:
+        _add_skin_friction(block, motion, faces, stride, areas, count, law, waves, sums)
+    elif law:
         _add_normal(block, motion, faces, stride, areas, count, waves, sums)
-        if block[FRICTION] != 0.0:
-            _add_friction(block, motion, faces, stride, areas, count, waves, sums)
-
-
-@inlined
-def add_skin_friction(
-    block: Any, motion: Any, faces: Any, stride: int, areas: Any, count: int, waves: bool, sums: Any
-) -> None:
-    """Skin friction on every immersed face, if the water rubs."""
-    if count > 0 and block[SKIN_DENSITY] != 0.0:
-        _add_skin_friction(block, motion, faces, stride, areas, count, waves, sums)
+    if law and block[FRICTION] != 0.0:
+        _add_friction(block, motion, faces, stride, areas, count, waves, sums)
 
 
 @inlined
@@ -68,7 +59,7 @@ def add_sums(
 def _add_normal(
     block: Any, motion: Any, faces: Any, stride: int, areas: Any, count: int, waves: bool, sums: Any
 ) -> None:
-    """F = -S (a (V.n)^2 + b U (V.n) + c U^2) n with V.n = V_c.n + omega.(r x n), r x n kept as ARM."""
+    """F = -S (a (V.n)^2 + b U (V.n) + c U^2) n, V = V_c + omega x r."""
     vx, vy, vz = motion[VELOCITY], motion[VELOCITY + 1], motion[VELOCITY + 2]
     wx, wy, wz = motion[OMEGA], motion[OMEGA + 1], motion[OMEGA + 2]
     ux, uy, uz, rising = motion[UP], motion[UP + 1], motion[UP + 2], motion[RISING]
@@ -79,7 +70,8 @@ def _add_normal(
     fx = fy = fz = tx = ty = tz = 0.0
     for k in range(count):
         nx, ny, nz = faces[k], faces[k + stride], faces[k + 2 * stride]
-        mx, my, mz = faces[k + 6 * stride], faces[k + 7 * stride], faces[k + 8 * stride]
+        rx, ry, rz = faces[k + 3 * stride], faces[k + 4 * stride], faces[k + 5 * stride]
+        mx, my, mz = ry * nz - rz * ny, rz * nx - rx * nz, rx * ny - ry * nx
         vn_centre = vx * nx + vy * ny + vz * nz
         vn = vn_centre + wx * mx + wy * my + wz * mz
         if waves:
@@ -110,7 +102,7 @@ def _add_friction(
     for k in range(count):
         nx, ny, nz = faces[k], faces[k + stride], faces[k + 2 * stride]
         rx, ry, rz = faces[k + 3 * stride], faces[k + 4 * stride], faces[k + 5 * stride]
-        mx, my, mz = faces[k + 6 * stride], faces[k + 7 * stride], faces[k + 8 * stride]
+        mx, my, mz = ry * nz - rz * ny, rz * nx - rx * nz, rx * ny - ry * nx
         vn_centre = vx * nx + vy * ny + vz * nz
         vn = vn_centre + wx * mx + wy * my + wz * mz
         if waves:
@@ -131,15 +123,25 @@ def _add_friction(
 
 @vector_kernel
 def _add_skin_friction(
-    block: Any, motion: Any, faces: Any, stride: int, areas: Any, count: int, waves: bool, sums: Any
-) -> None:
-    """Skin friction on every immersed face, V_t the velocity there along it (ITTC 1957).
+    block: Any, motion: Any, faces: Any, stride: int, areas: Any, count: int,
+    law: bool, waves: bool, sums: Any,
+) -> None:  # fmt: skip
+    """Skin friction on every immersed face, V_t the velocity there along it (ITTC 1957), and the law's load.
 
     F = -1/2 rho C_f |V_t| V_t S,  C_f = 0.075 / (log10 Re - 2)^2,  Re = |V_t| L / nu, at least 1000
+
+    Both in one pass: what they share, the velocity of the face, is half of what the law costs. See `_add_normal`.
     """
     vx, vy, vz = motion[VELOCITY], motion[VELOCITY + 1], motion[VELOCITY + 2]
     wx, wy, wz = motion[OMEGA], motion[OMEGA + 1], motion[OMEGA + 2]
     ux, uy, uz, rising = motion[UP], motion[UP + 1], motion[UP + 2], motion[RISING]
+    local = block[LOCAL_GATE] != 0.0
+    speed2 = vx * vx + vy * vy + vz * vz
+    share = 1.0 if law else 0.0
+    squared = share * block[NORMAL_SQUARED]
+    linear = share * block[SPEED_NORMAL] * math.sqrt(speed2)
+    constant = share * block[SPEED_SQUARED] * speed2
+    rubbing = 0.5 * 0.075 * block[SKIN_DENSITY]
     rate = block[LENGTH] / block[VISCOSITY]
     fx = fy = fz = tx = ty = tz = 0.0
     for k in range(count):
@@ -149,49 +151,21 @@ def _add_skin_friction(
         if waves:
             more = faces[k + RISE * stride] - rising
             sx, sy, sz = sx - more * ux, sy - more * uy, sz - more * uz
-        across = sx * nx + sy * ny + sz * nz
-        sx, sy, sz = sx - across * nx, sy - across * ny, sz - across * nz
+        vn = sx * nx + sy * ny + sz * nz
+        sx, sy, sz = sx - vn * nx, sy - vn * ny, sz - vn * nz
         along = math.sqrt(sx * sx + sy * sy + sz * sz)
         reynolds = along * rate
         decades = log10(select(reynolds > 1e3, reynolds, 1e3)) - 2.0
-        drag = areas[k] * along / (decades * decades)
-        fx += drag * sx
-        fy += drag * sy
-        fz += drag * sz
-        tx += drag * (ry * sz - rz * sy)
-        ty += drag * (rz * sx - rx * sz)
-        tz += drag * (rx * sy - ry * sx)
-    add_sums(sums, -0.5 * 0.075 * block[SKIN_DENSITY], fx, fy, fz, tx, ty, tz)
-
-
-@vector_kernel
-def add_buoyancy(block: Any, motion: Any, first: int, count: int, areas: Any, sums: Any) -> None:
-    """dF = rho g h n dS on faces quite under water, h their height above it; exact for force and torque.
-
-    The columns of water on a closed body add up to the water it displaces.
-    """
-    n = int(block[STRIDE])
-    z, ux, uy, uz = motion[HEIGHT], motion[UP], motion[UP + 1], motion[UP + 2]
-    fx = fy = fz = tx = ty = tz = 0.0
-    for i in range(count):
-        k = HEADER + first + i
-        ax, ay, az = block[k], block[k + n], block[k + 2 * n]
-        bx, by, bz = block[k + 3 * n], block[k + 4 * n], block[k + 5 * n]
-        cx, cy, cz = block[k + 6 * n], block[k + 7 * n], block[k + 8 * n]
-        k += FACES * n
-        nx, ny, nz = block[k], block[k + n], block[k + 2 * n]
-        ha = z + ux * ax + uy * ay + uz * az
-        hb = z + ux * bx + uy * by + uz * bz
-        hc = z + ux * cx + uy * cy + uz * cz
-        total = ha + hb + hc
-        mx = areas[i] * ((ax + bx + cx) * total + ax * ha + bx * hb + cx * hc)
-        my = areas[i] * ((ay + by + cy) * total + ay * ha + by * hb + cy * hc)
-        mz = areas[i] * ((az + bz + cz) * total + az * ha + bz * hb + cz * hc)
-        load = 4.0 * areas[i] * total
-        fx += load * nx
-        fy += load * ny
-        fz += load * nz
-        tx += my * nz - mz * ny
-        ty += mz * nx - mx * nz
-        tz += mx * ny - my * nx
-    add_sums(sums, block[WEIGHT_DENSITY] / 12.0, fx, fy, fz, tx, ty, tz)
+        drag = rubbing * areas[k] * along / (decades * decades)
+        load = areas[k] * (squared * vn * vn + linear * vn + constant)
+        load = select(areas[k] > 0.0, load, 0.0)
+        turned = vn if local else vx * nx + vy * ny + vz * nz
+        load = select(turned > 0.0, load, 0.0) if local else select(turned >= 0.0, load, 0.0)
+        px, py, pz = load * nx + drag * sx, load * ny + drag * sy, load * nz + drag * sz
+        fx += px
+        fy += py
+        fz += pz
+        tx += ry * pz - rz * py
+        ty += rz * px - rx * pz
+        tz += rx * py - ry * px
+    add_sums(sums, -1.0, fx, fy, fz, tx, ty, tz)

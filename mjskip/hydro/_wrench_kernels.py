@@ -16,21 +16,19 @@ from typing import Any
 
 import numpy as np
 
-from mjskip._compile.jit import inlined, kernel, vector_kernel
+from mjskip._compile.jit import inlined, kernel
 from mjskip._compile.pointers import (
     address_of,
     as_doubles,
-    as_words,
     call_address,
     place_of,
     stack_doubles,
 )
-from mjskip._compile.vector import select
 from mjskip.hydro._block import (
+    ABOUT_GROUP,
     AIR_DENSITY,
     AREA,
-    ARM,
-    CENTROID,
+    BOX,
     COLUMNS,
     DISC_AREA,
     DISC_CENTRE,
@@ -40,19 +38,16 @@ from mjskip.hydro._block import (
     GROUP,
     HEADER,
     HEIGHT,
-    LOCAL_GATE,
+    LIFT,
+    MIDDLE,
     MOTION,
     N_FACES,
-    NORMAL,
     OMEGA,
     PATCH_HIGHEST,
     PIECE,
     QUADRATURE,
-    RADIUS,
-    RISE,
     RISING,
     SKIN_DENSITY,
-    SPHERE,
     STRIDE,
     UP,
     VELOCITY,
@@ -61,18 +56,23 @@ from mjskip.hydro._block import (
     WEIGHT_DENSITY,
     WIDTH,
 )
-from mjskip.hydro._clip_kernels import column, immersed_part
+from mjskip.hydro._box_kernels import highest_of, lowest_of
+from mjskip.hydro._clip_kernels import immersed_part
 from mjskip.hydro._integral_kernels import add_integrals
-from mjskip.hydro._load_kernels import add_buoyancy, add_law, add_skin_friction, add_sums
+from mjskip.hydro._load_kernels import add_loads, add_sums
 from mjskip.hydro._patch_kernels import patch_of, surface_at
+from mjskip.hydro._piece_kernels import (
+    CUT,
+    CUTS,
+    PIECES,
+    RUN,
+    add_whole,
+    collect,
+    collect_in_waves,
+    cut_faces,
+)
 from mjskip.hydro._strip_kernels import add_strips
 from mjskip.hydro.columns import WRENCH
-
-RUN = 256
-"""Faces that are looked at together: groups on the same side of the surface."""
-
-PIECES = 520
-"""Room for wet pieces; columns a multiple of 4096 bytes apart would share their places in the cache."""
 
 
 @kernel
@@ -111,12 +111,13 @@ def body_wrench(block: Any, state: Any, out: Any) -> None:
         sums[j] = 0.0
     patch = patch_of(block)
     highest = patch[PATCH_HIGHEST] if patch.size > 0 else 0.0
+    motion = as_doubles(stack_doubles(MOTION))
+    motion[HEIGHT] = state[2]
+    motion[UP], motion[UP + 1], motion[UP + 2] = ux, uy, uz
     # a height that is not finite must reach the sums: only a body surely dry is skipped
-    if not state[2] > block[RADIUS] + highest:
+    if not lowest_of(motion, place_of(block, MIDDLE)) > highest:
         rising = surface_at(patch, state, 0.0, 0.0, 0.0, 1) if patch.size > 0 else 0.0
-        motion = as_doubles(stack_doubles(MOTION))
-        motion[HEIGHT], motion[RISING] = state[2], rising
-        motion[UP], motion[UP + 1], motion[UP + 2] = ux, uy, uz
+        motion[RISING] = rising
         motion[VELOCITY], motion[VELOCITY + 1] = vx - rising * ux, vy - rising * uy
         motion[VELOCITY + 2] = vz - rising * uz
         motion[OMEGA], motion[OMEGA + 1], motion[OMEGA + 2] = wx, wy, wz
@@ -141,47 +142,12 @@ def _integrated(block: Any) -> bool:
 
 @kernel
 def _add_faces(block: Any, state: Any, motion: Any, patch: Any, sums: Any) -> None:
-    """Count the loads that are summed over faces, a run of groups at a time."""
+    """Count the loads that are summed over faces: what is wet is gathered, a run of groups at a time."""
     n = int(block[STRIDE])
-    groups = (n + GROUP - 1) // GROUP
-    highest = patch[PATCH_HIGHEST] if patch.size > 0 else 0.0
-    sunk = patch.size == 0 and motion[HEIGHT] < -block[RADIUS]
-    weight = 0.0 if sunk else block[WEIGHT_DENSITY]
-    whole = place_of(block, HEADER + AREA * n)
-    areas = as_doubles(stack_doubles(RUN))
-    below = as_doubles(stack_doubles(RUN))
-    pieces = as_doubles(stack_doubles((PIECE + 1) * PIECES))
-    found = 0
-    group = 0
-    while group < groups:
-        first = group * GROUP
-        side = _side_of(block, motion, highest, group)
-        group += 1
-        while group < groups and (group + 1) * GROUP - first <= RUN:
-            if _side_of(block, motion, highest, group) != side:
-                break
-            group += 1
-        count = min(group * GROUP, n) - first
-        if side == ABOVE:
-            continue
-        if patch.size > 0:
-            for i in range(count):
-                below[i] = 1.0  # a piece of every wet face
-        elif side == BELOW:
-            _add_whole_faces(block, motion, first, count, place_of(whole, first), weight, sums)
-            continue
-        else:
-            _find_whole_faces(block, motion, first, count, weight, below, areas)
-            _add_whole_faces(block, motion, first, count, areas, weight, sums)
-        found = _cut_faces(
-            block, state, motion, patch, first, count, weight, below, pieces, found, sums
-        )
-        if found > PIECES - RUN - WIDTH:
-            _add_pieces(block, state, motion, patch, pieces, found, sums)
-            found = 0
-    if found > 0:
-        _add_pieces(block, state, motion, patch, pieces, found, sums)
-    if sunk:
+    law = not _integrated(block)
+    if patch.size == 0 and highest_of(motion, place_of(block, MIDDLE)) < 0.0:
+        faces, areas = place_of(block, HEADER + FACES * n), place_of(block, HEADER + AREA * n)
+        add_loads(block, motion, faces, n, areas, n, law, False, sums)
         # Archimedes: rho g V upwards through the centroid of the volume
         cx, cy, cz = block[VOLUME_CENTRE], block[VOLUME_CENTRE + 1], block[VOLUME_CENTRE + 2]
         ux, uy, uz = motion[UP], motion[UP + 1], motion[UP + 2]
@@ -189,139 +155,101 @@ def _add_faces(block: Any, state: Any, motion: Any, patch: Any, sums: Any) -> No
             sums, block[WEIGHT_DENSITY] * block[VOLUME],
             ux, uy, uz, cy * uz - cz * uy, cz * ux - cx * uz, cx * uy - cy * ux,
         )  # fmt: skip
+        return
+    weight = block[WEIGHT_DENSITY]
+    highest = patch[PATCH_HIGHEST] if patch.size > 0 else 0.0
+    groups = (n + GROUP - 1) // GROUP
+    pieces = as_doubles(stack_doubles((PIECE + 1) * PIECES))
+    cuts = as_doubles(stack_doubles(CUT * CUTS))
+    found = many = group = 0
+    while group < groups:
+        side = _side_of(block, motion, highest, group)
+        begin = group
+        group += 1
+        if side == ABOVE:
+            continue
+        if side == ACROSS or patch.size > 0:
+            group = _run_end(block, motion, highest, group, min(groups, begin + RUN // GROUP))
+        first = begin * GROUP
+        count = min(group * GROUP, n) - first
+        if patch.size > 0:
+            found = collect_in_waves(
+                block, state, motion, patch, first, count, weight, pieces, found, sums
+            )
+        elif side == BELOW:
+            for face in range(first, first + count, WIDTH):
+                found = add_whole(block, face, pieces, found)
+            if weight != 0.0:
+                _add_lift(block, motion, begin, weight, sums)
+        else:
+            found, many = collect(
+                block, motion, first, count, weight, pieces, found, cuts, many, sums
+            )
+        if found + many + RUN > PIECES - WIDTH or many + RUN > CUTS - WIDTH:
+            cut_faces(motion, weight, cuts, many, place_of(pieces, found), sums)
+            _add_pieces(block, motion, patch, pieces, found + many, sums)
+            found = many = 0
+    if found + many > 0:
+        cut_faces(motion, weight, cuts, many, place_of(pieces, found), sums)
+        _add_pieces(block, motion, patch, pieces, found + many, sums)
 
 
 ABOVE, ACROSS, BELOW = 1, 0, -1
 
 
 @inlined
-def _side_of(block: Any, motion: Any, highest: float, group: int) -> int:
-    """Whether all faces of a group are surely above the surface, surely below it, or neither."""
-    k = HEADER + COLUMNS * int(block[STRIDE]) + SPHERE * group
-    h = motion[HEIGHT] + motion[UP] * block[k] + motion[UP + 1] * block[k + 1]
-    h += motion[UP + 2] * block[k + 2]
-    reach = block[k + 3] + highest
-    return ABOVE if h > reach else BELOW if h < -reach else ACROSS
-
-
-@kernel
-def _add_whole_faces(
-    block: Any, motion: Any, first: int, count: int, areas: Any, weight: float, sums: Any
-) -> None:
-    """Count the loads of faces that are quite under still water, straight from the block."""
-    n = int(block[STRIDE])
-    faces = place_of(block, HEADER + FACES * n + first)
-    if not _integrated(block):
-        add_law(block, motion, faces, n, areas, count, False, sums)
-    add_skin_friction(block, motion, faces, n, areas, count, False, sums)
-    if weight != 0.0:
-        add_buoyancy(block, motion, first, count, areas, sums)
-
-
-@vector_kernel
-def _find_whole_faces(
-    block: Any, motion: Any, first: int, count: int, weight: float, below: Any, areas: Any
-) -> None:
-    """The area of a face that is quite under water, else 0; how many corners are if it must be cut.
-
-    Heights are h = z + u.r. A face that the paper's gate leaves without load need not be cut for a law alone.
-    """
-    n = int(block[STRIDE])
-    z, ux, uy, uz = motion[HEIGHT], motion[UP], motion[UP + 1], motion[UP + 2]
-    vx, vy, vz = motion[VELOCITY], motion[VELOCITY + 1], motion[VELOCITY + 2]
-    every = block[LOCAL_GATE] != 0.0 or weight != 0.0 or block[SKIN_DENSITY] != 0.0
-    least = -np.inf if every else 0.0
-    for i in range(count):
-        k = HEADER + first + i
-        ha = z + ux * block[k] + uy * block[k + n] + uz * block[k + 2 * n]
-        hb = z + ux * block[k + 3 * n] + uy * block[k + 4 * n] + uz * block[k + 5 * n]
-        hc = z + ux * block[k + 6 * n] + uy * block[k + 7 * n] + uz * block[k + 8 * n]
-        corners = select(ha < 0.0, 1.0, 0.0) + select(hb < 0.0, 1.0, 0.0)
-        corners += select(hc < 0.0, 1.0, 0.0)
-        areas[i] = select(corners == 3.0, block[k + AREA * n], 0.0)
-        k += FACES * n
-        vn = vx * block[k] + vy * block[k + n] + vz * block[k + 2 * n]
-        corners = select(vn >= least, corners, 0.0)
-        below[i] = select(corners == 3.0, 0.0, corners)
-
-
-@kernel
-def _cut_faces(
-    block: Any, state: Any, motion: Any, patch: Any, first: int, count: int, weight: float,
-    below: Any, pieces: Any, found: int, sums: Any,
-) -> int:  # fmt: skip
-    """Append the wet pieces of faces whose `below` is not zero to the columns; how many there are now.
-
-    Their buoyancy, pressure -rho g h integrated exactly over the immersed polygon, is added to the sums.
-    """
-    n = int(block[STRIDE])
-    z, ux, uy, uz = motion[HEIGHT], motion[UP], motion[UP + 1], motion[UP + 2]
-    waves = patch.size > 0
-    chosen = as_words(stack_doubles(RUN))
-    many = 0
-    for i in range(count):  # without a branch
-        chosen[many] = HEADER + first + i
-        many += int(below[i] != 0.0)
-    fx = fy = fz = tx = ty = tz = 0.0
-    for i in range(many):
-        k = chosen[i]
-        ax, ay, az = block[k], block[k + n], block[k + 2 * n]
-        bx, by, bz = block[k + 3 * n], block[k + 4 * n], block[k + 5 * n]
-        cx, cy, cz = block[k + 6 * n], block[k + 7 * n], block[k + 8 * n]
-        ha = z + ux * ax + uy * ay + uz * az
-        hb = z + ux * bx + uy * by + uz * bz
-        hc = z + ux * cx + uy * cy + uz * cz
-        if waves:
-            ha -= surface_at(patch, state, ax, ay, az, 0)
-            hb -= surface_at(patch, state, bx, by, bz, 0)
-            hc -= surface_at(patch, state, cx, cy, cz, 0)
-        fraction, rx, ry, rz = immersed_part(ax, ay, az, ha, bx, by, bz, hb, cx, cy, cz, hc)
-        if fraction == 0.0:
-            continue
-        whole = block[k + AREA * n]
-        k += FACES * n
-        nx, ny, nz = block[k], block[k + n], block[k + 2 * n]
-        pieces[found + PIECE * PIECES] = fraction * whole
-        _put(pieces, found + NORMAL * PIECES, nx, ny, nz)
-        _put(pieces, found + CENTROID * PIECES, rx, ry, rz)
-        _put(pieces, found + ARM * PIECES, ry * nz - rz * ny, rz * nx - rx * nz, rx * ny - ry * nx)
-        if waves:
-            pieces[found + RISE * PIECES] = surface_at(patch, state, rx, ry, rz, 1)
-        found += 1
-        if weight != 0.0:
-            height, mx, my, mz = column(ax, ay, az, ha, bx, by, bz, hb, cx, cy, cz, hc)
-            height *= whole
-            fx += height * nx
-            fy += height * ny
-            fz += height * nz
-            tx += whole * (my * nz - mz * ny)
-            ty += whole * (mz * nx - mx * nz)
-            tz += whole * (mx * ny - my * nx)
-    add_sums(sums, weight, fx, fy, fz, tx, ty, tz)
-    return found
+def _about(block: Any, group: int) -> Any:
+    """What is known of a group of faces."""
+    return place_of(block, HEADER + COLUMNS * int(block[STRIDE]) + ABOUT_GROUP * group)
 
 
 @inlined
-def _put(pieces: Any, k: int, x: float, y: float, z: float) -> None:
-    """Write a vector of a piece."""
-    pieces[k], pieces[k + PIECES], pieces[k + 2 * PIECES] = x, y, z
+def _side_of(block: Any, motion: Any, highest: float, group: int) -> int:
+    """Whether all faces of a group are surely above the surface, surely below it, or neither."""
+    box = place_of(_about(block, group), BOX)
+    if lowest_of(motion, box) > highest:
+        return ABOVE
+    return BELOW if highest_of(motion, box) < -highest else ACROSS
+
+
+GAP = 3
+"""Groups that the surface does not cross, which are looked at with those before and behind them."""
 
 
 @kernel
-def _add_pieces(
-    block: Any, state: Any, motion: Any, patch: Any, pieces: Any, count: int, sums: Any
-) -> None:
+def _run_end(block: Any, motion: Any, highest: float, group: int, last: int) -> int:
+    """Where groups that the surface crosses end that begin before a group, gaps among them."""
+    end = group
+    while group < last and group < end + GAP:
+        if _side_of(block, motion, highest, group) == ACROSS:
+            end = group + 1
+        group += 1
+    return end
+
+
+@inlined
+def _add_lift(block: Any, motion: Any, group: int, weight: float, sums: Any) -> None:
+    """Buoyancy of a group that is quite under still water: linear in its height and in the upward vertical."""
+    known = place_of(_about(block, group), LIFT)
+    z, ux, uy, uz = motion[HEIGHT], motion[UP], motion[UP + 1], motion[UP + 2]
+    for i in range(6):
+        k = 4 * i
+        lift = known[k] * z + known[k + 1] * ux + known[k + 2] * uy + known[k + 3] * uz
+        sums[i] += weight * lift
+
+
+@kernel
+def _add_pieces(block: Any, motion: Any, patch: Any, pieces: Any, count: int, sums: Any) -> None:
     """Count the loads of the wet pieces; the columns are filled up to whole vectors."""
-    waves = patch.size > 0
-    areas = place_of(pieces, PIECE * PIECES)
     filled = count
     while filled % WIDTH != 0:
         for k in range(PIECE + 1):
             pieces[k * PIECES + filled] = 0.0
         filled += 1
-    add_skin_friction(block, motion, pieces, PIECES, areas, filled, waves, sums)
-    if not _integrated(block):
-        add_law(block, motion, pieces, PIECES, areas, filled, waves, sums)
+    add_loads(
+        block, motion, pieces, PIECES, place_of(pieces, PIECE * PIECES), filled,
+        not _integrated(block), patch.size > 0, sums,
+    )  # fmt: skip
 
 
 @kernel

@@ -62,6 +62,8 @@ def block_of(header: Array, triangles: Array) -> Array:
     header = header[: layout.HEADER].copy()
     header[layout.N_FACES], header[layout.STRIDE] = n, stride
 
+    header[layout.MIDDLE : layout.MIDDLE + 6] = _box(triangles.reshape(-1, 3))
+
     volumes = np.linalg.det(triangles) / 6.0
     header[layout.VOLUME] = volumes.sum()
     centre = volumes @ triangles.sum(axis=1) / (4.0 * volumes.sum())
@@ -75,19 +77,33 @@ def block_of(header: Array, triangles: Array) -> Array:
     faces[:, layout.NORMAL : layout.CENTROID] = normals
     faces[:, layout.CENTROID : layout.ARM] = centroids
     faces[:, layout.ARM : layout.ARM + 3] = np.cross(centroids, normals)
-    groups = range(0, n, layout.GROUP)
-    spheres = [_sphere(triangles[k : k + layout.GROUP].reshape(-1, 3)) for k in groups]
+    groups = np.zeros((-(-stride // layout.GROUP), layout.ABOUT_GROUP))
+    for group, first in zip(
+        groups, range(0, n, layout.GROUP), strict=False
+    ):  # padding is in no group
+        part = slice(first, first + layout.GROUP)
+        group[layout.BOX : layout.LIFT] = _box(triangles[part].reshape(-1, 3))
+        group[layout.LIFT :] = _lift(triangles[part], vectors[part])
 
     planes: list[Array] = []
     if header[layout.FORWARD]:
         planes, plane_of = _planes(triangles, vectors)
         sizes = [len(plane) for plane in planes]
-        first = layout.HEADER + columns.size + layout.SPHERE * len(spheres)
+        first = layout.HEADER + columns.size + groups.size
         places = first + np.cumsum([0, *sizes])
         header[layout.N_PLANES], header[layout.PLANES] = len(planes), first
         header[layout.MAX_EDGES] = (max(sizes) - layout.OUTLINE) // layout.EDGE
         columns[:n, layout.PLANE] = places[plane_of]
-    return np.concatenate([header, columns.T.ravel(), *spheres, *planes])
+    return _aligned(np.concatenate([header, columns.T.ravel(), groups.ravel(), *planes]))
+
+
+def _aligned(block: Array) -> Array:
+    """A copy whose columns begin where lines of the cache do: vectors across two of them take twice as long."""
+    room = np.empty(block.size + layout.WIDTH)
+    first = -room.ctypes.data // room.itemsize % layout.WIDTH
+    found = room[first : first + block.size]
+    found[:] = block
+    return found
 
 
 def triangles_of(block: Array) -> Array:
@@ -124,11 +140,27 @@ def _by_place(centroids: Array) -> npt.NDArray[np.intp]:
     return np.concatenate(done)
 
 
-def _sphere(points: Array) -> Array:
-    """Centre and radius (4,) of a sphere about points (n, 3), with a margin for rounding."""
-    centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
-    radius = np.linalg.norm(points - centre, axis=1).max()
-    return np.array([*centre, (1.0 + 1e-9) * radius])
+def _box(points: Array) -> Array:
+    """Middle and half the sides (6,) of a box about points (n, 3), with a margin for rounding."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    return np.concatenate([0.5 * (low + high), 0.5 * (1.0 + 1e-9) * (high - low)])
+
+
+def _lift(triangles: Array, vectors: Array) -> Array:
+    """Force and torque (24,) per rho g on triangles quite under water, by height z and upward vertical u.
+
+        F = sum S (z + u.c) n,  tau = sum S (z c + Q u) x n
+
+    c centroid, Q mean of r r^T over the triangle; each component's four numbers go with z, u_x, u_y, u_z.
+    """
+    total = triangles.sum(axis=1)
+    second = np.einsum("ni,nj->nij", total, total) + np.einsum("nki,nkj->nij", triangles, triangles)
+    lifts = np.empty((6, 4))
+    lifts[:3, 0] = vectors.sum(axis=0)
+    lifts[:3, 1:] = vectors.T @ total / 3.0
+    lifts[3:, 0] = np.cross(total / 3.0, vectors).sum(axis=0)
+    lifts[3:, 1:] = np.cross(second / 12.0, vectors[:, :, None], axis=1).sum(axis=0)
+    return lifts.ravel()
 
 
 SAME_PLANE = 1e-3

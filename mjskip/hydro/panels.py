@@ -20,6 +20,9 @@ MAX_PANELS = 1200
 IMAGES = 4
 """Images in the bottom on each side; their sum alternates and falls with the third power."""
 
+SHARP, FINEST, GRADING = math.radians(30.0), 0.2, 1.0
+"""Angle from which an edge is sharp [rad], length of panels there as a share of others, and its growth with distance."""
+
 LID_EDGE = 0.7
 """Damping of the water inside a hull is full from this share of the largest distance to the waterline on."""
 
@@ -167,7 +170,12 @@ class WettedHull:
 
 
 def wetted_hull(
-    triangles: Array, *, height: float, panels: int = PANELS, most: int = MAX_PANELS
+    triangles: Array,
+    *,
+    height: float,
+    panels: int = PANELS,
+    most: int = MAX_PANELS,
+    graded: bool = False,
 ) -> WettedHull:
     """Cut a closed surface at z = 0 and refine what is below to panels of similar size.
 
@@ -176,6 +184,7 @@ def wetted_hull(
         height: of its centre of mass above still water [m].
         panels: refine until there are about as many.
         most: a finer surface is made coarser, by merging corners that lie close together.
+        graded: finer towards sharp edges, where sources grow without bound.
 
     Raises:
         MeshError: nothing of the surface is below the water.
@@ -187,7 +196,8 @@ def wetted_hull(
     size = 2.4 * float(np.sqrt(hull.areas.sum() / panels))
     if len(below) > most:
         below = _coarser(below, 0.2 * size, most)
-    while len(fine := refined(below, size)) > most and size < np.inf:
+    edges = sharp_edges(below) if graded else np.zeros((0, 2, 3))
+    while len(fine := refined(below, size, edges)) > most and size < np.inf:
         size = 1.2 * size if len(below) < 0.8 * most else np.inf
     return WettedHull(triangles=fine, height=height)
 
@@ -213,19 +223,55 @@ def below_water(triangles: Array) -> Array:
     return np.asarray(wet[area > 1e-9 * extent**2])
 
 
-def refined(triangles: Array, size: float) -> Array:
-    """Halve the longest edge of every triangle until none is longer than `size`."""
+def sharp_edges(triangles: Array) -> Array:
+    """Edges (e, 2, 3) where two triangles meet at more than SHARP."""
+    points = triangles.reshape(-1, 3)
+    extent = float(np.ptp(points, axis=0).max())
+    _, corner = np.unique(np.round(points / (1e-7 * extent)), axis=0, return_inverse=True)
+    index = corner.reshape(-1, 3)
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    met: dict[tuple[int, int], tuple[int, int]] = {}
+    found = []
+    for n, face in enumerate(index.tolist()):
+        for k in range(3):
+            a, b = face[k], face[(k + 1) % 3]
+            other = met.setdefault((min(a, b), max(a, b)), (n, k))
+            if other[0] != n and normals[n] @ normals[other[0]] < math.cos(SHARP):
+                found.append(triangles[n][[k, (k + 1) % 3]])
+    return np.array(found).reshape(-1, 2, 3)
+
+
+def refined(triangles: Array, size: float, edges: Array | None = None) -> Array:
+    """Halve the longest edge of every triangle until none is longer than `size`.
+
+    Near `edges` (e, 2, 3) the limit falls, to FINEST of it there.
+    """
     done = []
     while len(triangles):
-        edges = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2)
-        short = edges.max(axis=1) <= size
+        lengths = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2)
+        limit = np.full(len(triangles), size)
+        if edges is not None and len(edges) and size < np.inf:
+            away = _distance(triangles.mean(axis=1), edges)
+            limit = np.minimum(limit, FINEST * size + GRADING * away)
+        short = lengths.max(axis=1) <= limit
         done.append(triangles[short])
-        triangles, edges = triangles[~short], edges[~short]
-        turn = (np.argmax(edges, axis=1)[:, None] + np.arange(3)) % 3
+        triangles, lengths = triangles[~short], lengths[~short]
+        turn = (np.argmax(lengths, axis=1)[:, None] + np.arange(3)) % 3
         a, b, c = np.moveaxis(np.take_along_axis(triangles, turn[..., None], axis=1), 1, 0)
         middle = 0.5 * (a + b)
         triangles = np.concatenate([np.stack([a, middle, c], 1), np.stack([middle, b, c], 1)])
     return np.concatenate(done)
+
+
+def _distance(points: Array, edges: Array) -> Array:
+    """Of points (n, 3) from the nearest of some edges (e, 2, 3) (n,)."""
+    start, along = edges[:, 0], edges[:, 1] - edges[:, 0]
+    to = points[:, None] - start
+    share = np.einsum("nex,ex->ne", to, along) / np.einsum("ex,ex->e", along, along)
+    return np.asarray(
+        np.linalg.norm(to - np.clip(share, 0.0, 1.0)[..., None] * along, axis=2).min(axis=1)
+    )
 
 
 def _coarser(triangles: Array, cell: float, most: int) -> Array:

@@ -171,8 +171,11 @@ def convex_hull(points: npt.ArrayLike) -> Any:
     except (QhullError, ValueError, IndexError):
         hull = None
     if hull is None or not abs(hull.volume) > NO_VOLUME * extent**3:
-        raise MeshError("the mesh is flat, it has no volume: give it a thickness")
+        raise MeshError(NO_THICKNESS)
     return hull
+
+
+NO_THICKNESS = "the mesh is flat, it has no volume: give it a thickness"
 
 
 def components(mesh: Any) -> list[Any]:
@@ -254,19 +257,20 @@ def without_voids(mesh: Any) -> Any:
 def union(parts: Sequence[Any]) -> Any:
     """The union of closed surfaces, without enclosed voids.
 
-    A single part of one piece is handed back as it is.
+    A single part of one piece is handed back as it is. Flat pieces displace nothing and are left out.
 
     Raises:
-        MeshError: a part is not closed.
+        MeshError: a part is not closed, or all are flat.
     """
     pieces = [piece for part in parts for piece in components(without_voids(part))]
     if len(pieces) == 1:
         return pieces[0]
     extent = max(float(np.ptp(piece.vertices, axis=0).max()) for piece in pieces)
     while True:
-        whole = manifold3d.Manifold.batch_boolean(
-            [_manifold_or_hull(piece) for piece in pieces], manifold3d.OpType.Add
-        )
+        solids = [solid for piece in pieces if (solid := _manifold_or_hull(piece)) is not None]
+        if not solids:
+            raise MeshError(NO_THICKNESS)
+        whole = manifold3d.Manifold.batch_boolean(solids, manifold3d.OpType.Add)
         mesh = _surface(whole, extent)
         outside = without_voids(mesh)
         if len(outside.faces) == len(mesh.faces):
@@ -285,16 +289,23 @@ def intersection_volume(a: Any, b: Any) -> float:
 
 
 def _manifold_or_hull(mesh: Any) -> Any:
-    """A solid of a closed surface; its convex hull, with a warning, where triangles share edges beyond repair."""
+    """A solid of a closed surface; its convex hull, with a warning, where triangles share edges beyond repair.
+
+    None if that is flat.
+    """
     try:
         return _manifold(mesh)
     except MeshError:
+        try:
+            hull = convex_hull(mesh.vertices)
+        except MeshError:
+            return None
         warnings.warn(
             f"a part of {mesh.volume:.4g} m^3 is closed, but no manifold: its convex hull is taken instead",
             MjskipWarning,
             stacklevel=4,
         )
-        return _manifold(convex_hull(mesh.vertices))
+        return _manifold(hull)
 
 
 def _manifold(mesh: Any) -> Any:
@@ -365,7 +376,7 @@ def simplify(mesh: Any, max_faces: int) -> tuple[Any, Simplification]:
             break
     else:
         solid = _manifold_or_hull(mesh)
-        for tolerance in TOLERANCES:
+        for tolerance in TOLERANCES if solid is not None else ():
             found = _surface(solid.simplify(tolerance * size), 0.0)
             if not _keeps_shape(found, mesh):
                 break
