@@ -9,7 +9,7 @@ from typing import TypeAlias
 import numpy as np
 
 from mjskip._typing import Array, Flags, SingleArray
-from mjskip.checks import check_number, fault
+from mjskip.checks import check_memory, check_number, fault
 from mjskip.waves import _block_kernels as kernels
 from mjskip.waves._stencil import reach_of
 from mjskip.waves.grid import WaveGrid
@@ -19,10 +19,6 @@ TerrainMask: TypeAlias = Callable[[Array, Array], Flags]
 
 FARTHEST = 1e9
 """Places farther than this from the first cell, in cells, cannot be told apart there: they are refused."""
-
-
-MAX_BLOCK = 1 << 26
-"""Cells of one load or one copy of a part of the surface: 256 MiB."""
 
 
 class CellBlocks:
@@ -159,9 +155,6 @@ class CellBlocks:
         None if the load is all outside.
         """
         x, y = check_number("x", x, unit="m"), check_number("y", y, unit="m")
-        largest = 0.25 * math.sqrt(MAX_BLOCK) * self.spacing
-        if radius > largest:
-            raise fault("radius", radius, f"give at most {largest:g} m on cells of this spacing")
         reach = reach_of(radius, self.spacing)
         p, q = (float(at) for at in self._in_cells(x, y))
         margin = self._margin
@@ -173,6 +166,11 @@ class CellBlocks:
             ):
                 return None
         i, j = self._whole_cell(math.ceil(p - reach)), self._whole_cell(math.ceil(q - reach))
+        check_memory(
+            f"a round load of {radius:g} m on cells of {self.spacing:g} m",
+            16.0 * (2.0 * reach + 1.0) ** 2,
+            "give a smaller radius, or a larger spacing",
+        )
         block = np.zeros((math.floor(p + reach) - i + 1, math.floor(q + reach) - j + 1), np.float32)
         return block, i, j, (p - i, q - j), reach
 
@@ -198,8 +196,10 @@ def checked_shape(shape: tuple[int, int], low: int = 3) -> tuple[int, int]:
     """Two whole numbers that are not too low."""
     try:
         nx, ny = (int(n) for n in shape)
-        if (nx, ny) == tuple(shape) and min(nx, ny) >= low:
+        if (nx, ny) == tuple(shape) and min(nx, ny) >= low and max(nx, ny) <= FARTHEST:
             return nx, ny
     except (TypeError, ValueError, OverflowError):
         pass
-    raise fault("shape", shape, f"give two whole numbers of at least {low}, (cells x, cells y)")
+    raise fault(
+        "shape", shape, f"give two whole numbers from {low} to {FARTHEST:g}, (cells x, cells y)"
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +15,7 @@ from mjskip.checks import (
     check_array,
     check_choice,
     check_count,
+    check_memory,
     check_number,
     check_positive,
     check_vector,
@@ -21,7 +23,7 @@ from mjskip.checks import (
 )
 from mjskip.files import reading, whole_file
 from mjskip.waves import _block_kernels as kernels
-from mjskip.waves._cells import MAX_BLOCK, CellBlocks, TerrainMask, checked_shape
+from mjskip.waves._cells import CellBlocks, TerrainMask, checked_shape
 from mjskip.waves._stencil import (
     BOUNDARIES,
     COURANT_LIMITS,
@@ -309,8 +311,9 @@ class HeightField(CellBlocks):
         """
         x, y = check_number("x", x, unit="m"), check_number("y", y, unit="m")
         shape = checked_shape(shape, low=1)
-        if shape[0] * shape[1] > MAX_BLOCK:
-            raise fault("shape", shape, f"give at most {MAX_BLOCK} cells")
+        check_memory(
+            f"a window of {shape[0]} x {shape[1]} cells", 16.0 * math.prod(shape), "give fewer"
+        )
         places = self._in_cells(x, y)
         i, j = (
             self._whole_cell(float(p) - (n - 1) / 2) - self._margin
