@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 from collections.abc import Collection, Mapping
@@ -15,15 +16,18 @@ from mjskip._typing import Array
 
 T = TypeVar("T")
 
-LONGEST = 60
+MAX_SHOWN = 60
 """Characters of a value that are shown."""
+
+SMALL = 2**26
+"""Bytes that are taken without a look at how much memory is free."""
 
 
 def fault(name: str, value: object, remedy: str) -> ValueError:
     """The error to raise: "speed is 'fast': give a number"."""
     text = " ".join(repr(value).split())
-    if len(text) > LONGEST:
-        text = f"{text[:LONGEST]}..."
+    if len(text) > MAX_SHOWN:
+        text = f"{text[:MAX_SHOWN]}..."
     return ValueError(f"{name} is {text}: {remedy}")
 
 
@@ -159,6 +163,47 @@ def check_path(name: str, value: object) -> Path:
     if not isinstance(value, str | os.PathLike) or not os.fspath(value):
         raise fault(name, value, "give a path")
     return Path(os.fsdecode(value))
+
+
+def check_memory(what: str, size: float, remedy: str) -> None:
+    """What is about to be made must fit into the memory that is free.
+
+    Args:
+        what: it is, with its extent.
+        size: it takes [bytes].
+        remedy: what to ask for instead.
+    """
+    if size < SMALL:
+        return
+    free = free_memory()
+    if not size <= 0.9 * free:
+        raise ValueError(
+            f"{what} needs {size / 1e9:.3g} GB and {free / 1e9:.3g} GB are free: {remedy}"
+        )
+
+
+def free_memory() -> int:
+    """Bytes this process may still take: the machine's, the container's or its own limit's, whichever is least."""
+    free = 1 << 62
+    try:
+        for line in Path("/proc/meminfo").read_text().splitlines():
+            if line.startswith("MemAvailable:"):
+                free = 1024 * int(line.split()[1])
+        limit = Path("/sys/fs/cgroup/memory.max").read_text().strip()
+        used = int(Path("/sys/fs/cgroup/memory.current").read_text())
+        if limit != "max":
+            free = min(free, max(0, int(limit) - used))
+    except (OSError, ValueError):
+        if free == 1 << 62 and hasattr(os, "sysconf") and "SC_PHYS_PAGES" in os.sysconf_names:
+            free = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    with contextlib.suppress(ImportError, OSError, ValueError):
+        import resource
+
+        most, _ = resource.getrlimit(resource.RLIMIT_AS)
+        if most != resource.RLIM_INFINITY:
+            pages = int(Path("/proc/self/statm").read_text().split()[0])
+            free = min(free, max(0, most - pages * resource.getpagesize()))
+    return free
 
 
 def _range(kind: str, low: float, high: float, unit: str = "") -> str:

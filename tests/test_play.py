@@ -1,6 +1,7 @@
 """The playground without a browser: what its page may ask for, what it throws, and how it is shown."""
 
 import contextlib
+import gc
 import http.client
 import json
 import math
@@ -693,6 +694,22 @@ def test_an_unknown_choice_of_the_page_is_ignored(playground, capsys, monkeypatc
         wait_until(lambda: page.tab.thrown is not None)
     assert "Traceback" not in capsys.readouterr().err
     wait_until(lambda: not playground.tabs)
+
+
+@gone
+def test_a_message_that_cannot_be_read_is_one_line_and_the_page_plays_on(playground, capsys):
+    from viser import _messages
+
+    with Page(playground) as page:
+        for uuid in ({}, [1], None, 3.0):
+            page.send(_messages.GuiUpdateMessage(uuid=uuid, updates={"value": 3}))
+        page.set("Throw", True)
+        wait_until(lambda: page.tab.thrown is not None)
+    wait_until(lambda: not playground.tabs)
+    gc.collect()  # asyncio tells of a task that failed when it is thrown away
+    printed = capsys.readouterr().err
+    assert "Traceback" not in printed
+    assert "mjskip play: a page sent what cannot be read (TypeError" in printed
 
 
 def test_beyond_this_machine_the_address_needs_its_token(monkeypatch):

@@ -326,11 +326,37 @@ def test_the_model_in_the_docs_floats():
         ({"air_density": "nan"}, "air_density is nan: give a finite number"),
         ({"gate": "side%ways"}, "gate is 'side%ways': use one of centre, local"),
         ({"law": "newton"}, "law is 'newton': use one of lee2010"),
+        ({"surface": "waves", "size": 1e6}, "give 16 to 512 cells along a side"),
+        (
+            {"surface": "waves", "wave_speed": 1e300},
+            "a number is too large or too small (surface=waves",
+        ),
+        ({"resolution": 10**6}, "resolution is 1000000: give a whole number between 4 and 1000"),
+        (
+            {"preset": "floating", "radiation": "true", "sea": "hs=1e300 tp=3"},
+            r"hs is 1e\+300: give a finite number between",
+        ),
     ],
 )
 def test_a_bad_configuration_is_a_compile_error_that_names_it(config, says):
     with pytest.raises(ValueError, match=says.replace("(", r"\(")):
         plugged(config)
+
+
+@pytest.mark.parametrize("gravity", ["0 0 0"])
+@pytest.mark.parametrize(
+    "config",
+    [{"surface": "waves"}, {"surface": "deep"}, {"preset": "floating", "radiation": "true"}],
+)
+def test_waves_of_water_that_is_not_held_down_are_refused_still_water_is_not(gravity, config):
+    option = f'<option gravity="{gravity}" '
+    moving, still = (
+        xml(stone_xml(instance="lake"), instances={"lake": keys}).replace("<option ", option)
+        for keys in (config, {})
+    )
+    with pytest.raises(ValueError, match=r"m/s.2 along z: waves need water that is held down"):
+        mujoco.MjModel.from_xml_string(moving)
+    mujoco.mj_step(model := mujoco.MjModel.from_xml_string(still), mujoco.MjData(model))
 
 
 def test_a_bad_configuration_is_refused_although_no_body_uses_it():
@@ -546,30 +572,76 @@ def test_a_batch_whose_stones_differ_knows_each():
         np.testing.assert_array_equal(qpos[k], data.qpos)
 
 
-def test_thousands_of_stones_are_found_again_and_the_older_half_is_forgotten(monkeypatch):
+def test_thousands_of_stones_are_found_again_and_those_nobody_uses_are_forgotten(monkeypatch):
     class Kept:
         def __init__(self, key):
-            self.record, self.nbytes = np.full(15, float(key)), 120
+            self.record, self.nbytes = np.full(15, float(key)), 20
 
-    records = plugin_module.Records.__new__(plugin_module.Records)
     monkeypatch.setattr(plugin_module.Records, "KEPT_BYTES", 120 * 4000)
     root = plugin_module.kernels.root.copy()
     try:
-        records.__init__()
+        records = plugin_module.Records()
+        monkeypatch.setattr(_table_kernels, "as_words", lambda _: records.table)
+        look_up = _table_kernels.look_up_and_stamp.py_func
+        keys = np.random.default_rng(1).integers(2, 2**62, 20_000).tolist()
         made = {}
-        for key in np.random.default_rng(1).integers(2, 2**62, 4000).tolist():
+        for number, key in enumerate(keys):
             made[key] = Kept(key)
             records.add(key, made[key])
-        look_up = _table_kernels.look_up.py_func
+            if number == 3999:
+                for known, kept in made.items():
+                    assert look_up(0, known, -1) == kept.record.ctypes.data
+                assert look_up(0, 2**62 + 1, -1) == -1
+            assert look_up(0, keys[number % 100], -1) == made[keys[number % 100]].record.ctypes.data
+        assert set(keys[:100]) < set(records.made)  # looked up all the time
+        assert keys[200] not in records.made
+        assert look_up(0, keys[200], -1) == -1
+        assert len(records.made) <= 2 * 4001
+        assert records._bytes == 120 * len(records.made)
+    finally:
+        plugin_module.kernels.root[:] = root
+
+
+def test_what_models_in_use_look_up_is_never_forgotten_however_much_it_is(monkeypatch):
+    class Kept:
+        nbytes = 20
+
+        def __init__(self):
+            self.record = np.zeros(15)
+
+    monkeypatch.setattr(plugin_module.Records, "KEPT_BYTES", 120 * 50)
+    root = plugin_module.kernels.root.copy()
+    try:
+        records = plugin_module.Records()
         monkeypatch.setattr(_table_kernels, "as_words", lambda _: records.table)
-        for key, kept in made.items():
-            assert look_up(0, key, -1) == kept.record.ctypes.data
-        assert look_up(0, 2**62 + 1, -1) == -1
-        records.add(7, Kept(7))
-        records.add(8, Kept(8))
-        assert list(records.made) == [*list(made)[2000:], 7, 8][-len(records.made) :]
-        assert len(records.made) in (2001, 2002)
-        assert look_up(0, next(iter(made)), -1) == -1
+        look_up = _table_kernels.look_up_and_stamp.py_func
+        for key in range(2, 502):  # ten times what is set aside, all of it in use
+            records.add(key, Kept())
+            assert all(look_up(0, known, -1) > 0 for known in range(2, key + 1))
+    finally:
+        plugin_module.kernels.root[:] = root
+
+
+def test_models_that_are_freed_leave_no_more_than_what_is_set_aside(monkeypatch):
+    monkeypatch.setattr(plugin_module.Records, "KEPT_BYTES", 2**17)
+    root = plugin_module.kernels.root.copy()
+    records = plugin_module.Records()
+    monkeypatch.setattr(plugin_module, "_records", records)
+    try:
+        kept = mujoco.MjModel.from_xml_string(
+            xml(stone_xml(instance="lake"), instances={"lake": {}})
+        )
+        data = mujoco.MjData(kept)
+        (record,) = (k for k in records.made.values() if not isinstance(k, int))
+        for number in range(60):
+            water = {"density": 900 + number}
+            text = xml(stone_xml(instance="lake"), instances={"lake": water})
+            mujoco.mj_step(kept, data)
+            model = mujoco.MjModel.from_xml_string(text)
+            mujoco.mj_step(model, mujoco.MjData(model))
+        assert record in records.made.values()
+        assert records._bytes <= 2 * records.KEPT_BYTES + record.nbytes + 200
+        assert sum(not isinstance(k, int) for k in records.made.values()) < 60
     finally:
         plugin_module.kernels.root[:] = root
 

@@ -12,6 +12,7 @@ import pytest
 import xarray as xr
 from click.testing import CliRunner
 
+import mjskip.sweeps.store as store_module
 import mjskip.sweeps.sweep as sweep_module
 from mjskip import Limits, Stone, Throw, Water, integrate, simulate
 from mjskip.cli import cli, main
@@ -226,11 +227,11 @@ def test_a_store_is_gone_on_with_and_finished_chunks_are_not_done_again(tmp_path
     did = []
     real = sweep_module.run_chunk
 
-    def until_the_third(job, index, *, threads):
+    def until_the_third(job, index, **options):
         if len(did) == 2:
             raise KeyboardInterrupt
         did.append(index)
-        return real(job, index, threads=threads)
+        return real(job, index, **options)
 
     monkeypatch.setattr(sweep_module, "run_chunk", until_the_third)
     with pytest.raises(KeyboardInterrupt):
@@ -241,7 +242,7 @@ def test_a_store_is_gone_on_with_and_finished_chunks_are_not_done_again(tmp_path
     monkeypatch.setattr(
         sweep_module,
         "run_chunk",
-        lambda job, index, *, threads: (seen.append(index), real(job, index, threads=threads))[1],
+        lambda job, index, **options: (seen.append(index), real(job, index, **options))[1],
     )
     sweep(PEBBLE, **GRID, path=parts, chunk=4, threads=2)
     assert len(seen) == 8 - 2
@@ -271,11 +272,64 @@ s.sweep(PEBBLE, **GRID, path=sys.argv[1], chunk=2, progress=lambda d, n: print(d
         process.send_signal(signal.SIGKILL)
     before = {n: b for n, b in contents(store).items() if "/c/" in n and ".partial" not in n}
     assert 0 < (open_sweep(store).status != "").sum() < 24
+    (store / "status" / "c" / "9.ab12.partial").write_bytes(b"half")  # as Zarr leaves it
     sweep(PEBBLE, **GRID, path=store, chunk=2)
     sweep(PEBBLE, **GRID, path=tmp_path / "whole.zarr", chunk=2)
-    after = {n: b for n, b in contents(store).items() if ".partial" not in n}
+    after = contents(store)
     assert after == contents(tmp_path / "whole.zarr")
     assert before.items() <= after.items()
+
+
+def test_two_processes_do_not_write_to_one_store(tmp_path):
+    store = tmp_path / "a.zarr"
+    options = GRID | {"vary": {"attack": [0.3]}}
+    sweep(PEBBLE, **options, path=store)
+    script = f"""
+import sys
+sys.path.insert(0, {os.path.dirname(__file__)!r})
+from test_sweep import GRID, PEBBLE
+from mjskip.sweeps.sweep import sweep
+sweep(PEBBLE, **GRID | {{"vary": {{"attack": [0.3]}}}}, path={str(store)!r})
+"""
+    lock = store_module._locked(store)
+    other = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=False
+    )
+    assert "is being written by another process: wait for it" in other.stderr
+    lock.close()
+    sweep(PEBBLE, **options, path=store)
+    sweep(PEBBLE, **options, path=store)  # one after the other
+
+
+@pytest.mark.parametrize("damage", [b"", b"{", b'{"zarr_format": 3}', bytes(range(256))])
+def test_a_damaged_store_is_refused_in_one_line(tmp_path, damage):
+    store = tmp_path / "a.zarr"
+    options = GRID | {"vary": {"attack": [0.3]}}
+    sweep(PEBBLE, **options, path=store)
+    for name in ("status/c/0/0", "status/zarr.json", "zarr.json"):
+        (store / name).write_bytes(damage)
+        for what in (lambda: open_sweep(store), lambda: sweep(PEBBLE, **options, path=store)):
+            with pytest.raises(MjskipError, match=r"a\.zarr cannot be read as a sweep") as refused:
+                what()
+            assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("read_only", [False, True])
+def test_a_sweep_to_a_disk_that_is_full_or_read_only_ends_in_one_line(tmp_path, read_only):
+    command = ["mount", "-t", "tmpfs", "-o", "size=100k", "tmpfs", str(tmp_path)]
+    if subprocess.run(command, capture_output=True, check=False).returncode:
+        pytest.skip("no file system may be mounted here")
+    try:
+        if read_only:
+            subprocess.run(["mount", "-o", "remount,ro", str(tmp_path)], check=True)
+        else:
+            (tmp_path / "fill").write_bytes(b"0" * 60_000)
+        with pytest.raises(MjskipError, match="cannot be written") as refused:
+            sweep(PEBBLE, **GRID, path=tmp_path / "a.zarr", chunk=2)
+        assert "\n" not in str(refused.value)
+        assert not list(tmp_path.rglob("*.part*"))
+    finally:
+        subprocess.run(["umount", str(tmp_path)], check=True)
 
 
 def test_a_store_of_another_request_is_refused_with_the_difference(tmp_path):

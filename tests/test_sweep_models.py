@@ -93,7 +93,7 @@ def test_a_store_says_what_made_it_and_goes_on_where_it_stopped(box, tmp_path, m
     whole = sweep_model(box, **question)
     real, done = sweep_module.run_chunk, []
 
-    def as_on_a_worker(job, index, *, threads=None):
+    def as_on_a_worker(job, index, **_):
         if len(done) == 2:
             raise KeyboardInterrupt
         done.append(index)

@@ -28,6 +28,8 @@ from numba.core import caching
 from mjskip.errors import MjskipWarning
 
 PACKAGE = Path(__file__).parents[1]
+watchers: list[Callable[[], None]] = []
+"""Called whenever a function is about to be compiled, for those who show that."""
 IMPORT = re.compile(
     rf"^(?:from ({PACKAGE.name}[\w.]*) import (\([^)]*\)|[^\n]*)|import ([\w., ]+))", re.MULTILINE
 )
@@ -170,11 +172,15 @@ class KernelCache(caching.FunctionCache):  # type: ignore[misc]
     def load_overload(self, signature: Any, target: Any) -> Any:
         """Compiled code from the files; None, and the files forgotten, where they are damaged."""
         try:
-            return super().load_overload(signature, target)
+            found = super().load_overload(signature, target)
         except Exception:  # unpickling garbage raises anything
             with _not_cached(self._cache_path):
                 Path(self._cache_file._index_path).unlink(missing_ok=True)
-            return None
+            found = None
+        if found is None:
+            for watcher in watchers:
+                watcher()
+        return found
 
     def save_overload(self, signature: Any, data: Any) -> None:
         """Keep compiled code, if that can be done."""

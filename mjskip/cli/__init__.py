@@ -27,6 +27,9 @@ COMMANDS = {
 }
 """Each is a module of this package with a click command of the same name."""
 
+SHORT_OF_MEMORY = 2**28
+"""Bytes below which a failure of a library is put down to too little memory."""
+
 
 class _Group(click.Group):
     """Imports a command's module when it is asked for: help stays quick."""
@@ -84,6 +87,23 @@ def _code_of(error: Exception) -> int:
         return _fail(str(error), 1)
     if isinstance(error, MjskipError | ValueError):
         return _fail(" ".join(str(error).split()), 2)
+    if isinstance(error, BrokenPipeError):  # whoever read our output has gone
+        sys.stdout = None
+        return 141
+    if isinstance(error, OSError):
+        where = f" ({error.filename})" if error.filename else ""
+        return _fail(
+            f"{error.strerror or error}{where}: the system refuses a file or a resource", 2
+        )
+    from mjskip.checks import free_memory  # not for --help
+
+    text = " ".join(str(error).split())
+    unloaded = isinstance(error, ImportError) and "shared object" in text
+    # short of memory libraries fail in ways of their own: threads, OpenGL and MuJoCo's compiler by RuntimeError
+    exhausted = isinstance(error, RuntimeError) and free_memory() < SHORT_OF_MEMORY
+    if isinstance(error, MemoryError) or unloaded or exhausted:
+        kind = "a library cannot be loaded" if unloaded else "out of memory"
+        return _fail(f"{kind}{f' ({text})' if text else ''}: ask for less, or free memory", 2)
     raise error
 
 

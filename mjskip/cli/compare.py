@@ -11,11 +11,11 @@ import click
 from rich.table import Table
 
 from mjskip import __version__
-from mjskip.cli.console import err, out, plain_table
+from mjskip.cli.console import out, plain_table, preparing, progress_bar
 from mjskip.cli.options import chosen_scene, throw_options
 from mjskip.throws.comparison import LADDER, Comparison, Differences
 from mjskip.throws.comparison import compare as compare_solvers
-from mjskip.throws.simulate import largest_timestep
+from mjskip.throws.simulate import largest_timestep, warm_up
 
 
 @click.command()
@@ -33,9 +33,11 @@ from mjskip.throws.simulate import largest_timestep
 )
 def compare(timesteps: tuple[float, ...], as_json: bool, **throw: Any) -> None:
     """Throw the stone of SCENE by every solver at every time step, through its first touch."""
-    with err.status("preparing") as status:
+    with preparing():
         scene = chosen_scene(**throw)
-        result = compare_solvers(scene, timesteps=timesteps or LADDER, progress=status.update)
+        warm_up()
+    with progress_bar("compare", "runs") as progress:
+        result = compare_solvers(scene, timesteps=timesteps or LADDER, progress=progress)
     advised = largest_timestep(scene.stone, scene.throw.speed)
     if as_json:
         click.echo(json.dumps(_report(scene.path, scene.body, result, advised), allow_nan=False))

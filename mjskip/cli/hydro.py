@@ -12,25 +12,26 @@ from typing import Any
 import click
 import numpy as np
 import xarray
-from rich.console import Console
 from rich.table import Table
 
+from mjskip._typing import Progress
+from mjskip.cli.console import err, out, progress_bar
 from mjskip.coupling.floating import floating_bodies
 from mjskip.coupling.loading import load_model
 from mjskip.errors import MjskipWarning
-from mjskip.files import check_target
+from mjskip.files import check_target, whole_file
 from mjskip.hydro.decay import RESTORED, decays, natural_periods
 from mjskip.hydro.panels import hull_influence
 from mjskip.hydro.response import DOFS, FloatingBody, coefficients, response_amplitudes
 from mjskip.throws.scene import shipped_scenes
 
-out = Console(highlight=False)
-err = Console(stderr=True, highlight=False)
-
 COUNT = 40
 """Frequencies unless told otherwise."""
 RESOLVED = 4.0
 """Mean sides of a panel in the shortest waves that it resolves."""
+
+MAX_FREQUENCIES = 10_000
+"""Frequencies that may be asked for: a solution of the panels each."""
 
 
 def _range(context: Any, option: Any, value: str | None) -> tuple[float, float, int] | None:
@@ -42,8 +43,10 @@ def _range(context: Any, option: Any, value: str | None) -> tuple[float, float, 
         found = float(low), float(high), int(count)
     except ValueError:
         raise click.BadParameter(f"{value!r}: give LOW:HIGH:COUNT, as 1:12:40 [rad/s]") from None
-    if not (0.0 < found[0] < found[1] < math.inf and found[2] >= 2):
-        raise click.BadParameter(f"{value!r}: give 0 < LOW < HIGH and a COUNT of at least 2")
+    if not (0.0 < found[0] < found[1] < math.inf and 2 <= found[2] <= MAX_FREQUENCIES):
+        raise click.BadParameter(
+            f"{value!r}: give 0 < LOW < HIGH and a COUNT from 2 to {MAX_FREQUENCIES}"
+        )
     return found
 
 
@@ -90,14 +93,15 @@ def hydro(
             check_target(target)
     if not depth > 0.0:
         raise ValueError(f"depth is {depth!r}: give metres of water")
-    with err.status("preparing hulls"):
-        data = analysed(model, omega, directions, depth=depth, density=density)
+    with progress_bar(f"hydrodynamics of {model}", "frequencies") as progress:
+        data = analysed(model, omega, directions, depth=depth, density=density, progress=progress)
     if as_json:
         click.echo(json.dumps(report(data), allow_nan=False))
     else:
         _print(data)
     if save is not None:
-        _flat(data).to_netcdf(save, engine="h5netcdf", invalid_netcdf=False)
+        with whole_file(save) as part:  # by way of memory: HDF5 does not survive a full disk
+            part.write_bytes(_flat(data).to_netcdf(engine="h5netcdf", invalid_netcdf=False))
         err.print(f"saved {save}")
     if plot is not None:
         from mjskip.draw.hydro import draw_hydro
@@ -113,6 +117,7 @@ def analysed(
     *,
     depth: float,
     density: float,
+    progress: Progress | None = None,
 ) -> xarray.Dataset:
     """Everything that is printed: coefficients, `rao`, `natural_period`, `decay`."""
     model = load_model(shipped_scenes().get(name, Path(name)))
@@ -138,6 +143,7 @@ def analysed(
         density=density,
         gravity=gravity,
         depth=depth,
+        progress=progress,
     )
     data["rao"] = response_amplitudes(data)
     data["natural_period"] = natural_periods(data)

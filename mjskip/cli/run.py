@@ -11,7 +11,7 @@ import click
 from rich.table import Table
 
 from mjskip import __version__
-from mjskip.cli.console import err, out, plain_table, preparing
+from mjskip.cli.console import err, out, plain_table, preparing, progress_bar
 from mjskip.cli.filming import (
     FILMING,
     check_film,
@@ -82,6 +82,7 @@ def run(
     with preparing():
         scene = chosen_scene(**options)
         check_stage(scene, filming)
+    with progress_bar(f"run of at most {duration:g} s", "steps") as progress:
         trajectories = simulate_all(
             scene,
             engine=engine,
@@ -91,6 +92,7 @@ def run(
             frozen_attitude=frozen_attitude,
             surface=surface,
             record=film_frames(filming),
+            progress=progress,
         )
     chosen = trajectories[scene.body]
     if as_json:

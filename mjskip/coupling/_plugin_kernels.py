@@ -15,10 +15,11 @@ Of a large mesh some words are hashed at every call, with the address of the mod
               gravity, time step and disabling flags in mjModel; number of the plugin, of its key `radiation`; addresses of what lets
               bodies radiate (`_sea_kernels`); offsets of the members of mjModel and
               mjData below
-    table     number of slots, then pairs (hash, address of the record; 0: cannot be built, 1: dry)
+    table     of pairs (hash, address of the record; 0: cannot be built, 1: dry), stamped (`_table_kernels`)
     request   what is asked, body, instance, hash; answer: address of the record, error message
 
-A table is only ever added to, value before key, or replaced by another whose address is put in the root.
+A table is only ever added to, value before key, or replaced by another whose address is put in the root. What is looked up
+is stamped, so that records which no model uses any more can be told from others.
 """
 
 from typing import Any
@@ -42,7 +43,7 @@ from mjskip.coupling._record_kernels import BLOCK, NEEDED_STEP, SCRATCH, body_st
 from mjskip.coupling._table_kernels import (
     doubles,
     ints,
-    look_up,
+    look_up_and_stamp,
     mj_warning,
     mju_error,
 )
@@ -353,7 +354,7 @@ def load_body(table: Any, model: int, data: int, body: int, instance: int, scrat
     scratch: state (18), wrench (12), request (6), readings (5), of `wet_load`.
     """
     key = _content(table, model, body, instance)
-    record = look_up(table[TABLE], key, UNKNOWN)
+    record = look_up_and_stamp(table[TABLE], key, UNKNOWN)
     if record == -1:
         record = _request_python(table, model, HULL, body, instance, key, scratch + 8 * AT_REQUEST)
     if record == DRY:
@@ -411,7 +412,7 @@ def _surface(table: Any, model: int, instance: int, request: int) -> Any:
     key = _hash_items(table, model, PLUGIN_ATTR, begin, 1, end - begin, 2)
     key = _hash(model + table[GRAVITY], 24, key)
     key = key if key != 0 else 1
-    found = look_up(table[TABLE], key, UNKNOWN)
+    found = look_up_and_stamp(table[TABLE], key, UNKNOWN)
     if found == -1:
         found = _request_python(table, model, SURFACE, -1, instance, key, request)
     return found
@@ -507,7 +508,7 @@ def init(model: int, data: int, instance: int) -> int:
     for body in range(1, size(table, model, NBODY)):
         if as_words(request)[MESSAGE] == 0 and is_head(table, model, body, instance, below):
             key = _content(table, model, body, instance)
-            known = look_up(table[TABLE], key, UNKNOWN)
+            known = look_up_and_stamp(table[TABLE], key, UNKNOWN)
             if known <= 0:
                 built = True
                 _request_python(table, model, HULL, body, instance, key, request)

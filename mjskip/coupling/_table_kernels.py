@@ -1,7 +1,8 @@
 """What compiled code in MuJoCo's callbacks shares: its errors, members of its structs, tables by key.
 
 A table is words: the number of slots, a power of two, then pairs of key and value; a key of 0 is an empty slot, and a
-key lies in the first free slot from its lowest bits on.
+key lies in the first free slot from its lowest bits on. A stamped table goes on with a stamp for each slot and the number
+of the present round: a slot that is looked up is stamped with it, so that those that nobody uses any more are known.
 """
 
 import ctypes
@@ -44,4 +45,20 @@ def look_up(address: int, key: int, otherwise: int) -> Any:
         if words[PAIRS + 2 * k] == 0:
             return otherwise
         k = (k + 1) & (slots - 1)
+    return words[PAIRS + 2 * k + 1]
+
+
+@kernel
+def look_up_and_stamp(address: int, key: int, otherwise: int) -> Any:
+    """The same in a stamped table; the slot is stamped."""
+    words = as_words(address)
+    slots = words[SLOTS]
+    k = key & (slots - 1)
+    while words[PAIRS + 2 * k] != key:
+        if words[PAIRS + 2 * k] == 0:
+            return otherwise
+        k = (k + 1) & (slots - 1)
+    stamp, now = PAIRS + 2 * slots + k, words[PAIRS + 3 * slots]
+    if words[stamp] != now:
+        words[stamp] = now
     return words[PAIRS + 2 * k + 1]

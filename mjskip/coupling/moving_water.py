@@ -13,7 +13,7 @@ from numba import types
 from mjskip._compile.jit import native
 from mjskip._compile.pointers import address_of_cfunc
 from mjskip._typing import Array
-from mjskip.checks import check_choice, check_number
+from mjskip.checks import check_choice, check_number, check_positive
 from mjskip.hydro import _block as hydro
 from mjskip.waves.coupling import (
     LOAD_RADIUS,
@@ -77,12 +77,13 @@ class MovingWater:
                     f"{given[0]} is given and the surface is still: leave it out, or set surface to waves or deep"
                 )
             return
-        self._water(density=1000.0, gravity=9.81)
+        check_positive(size=self.size, spacing=self.spacing)
         if not MIN_CELLS <= self.cells <= MAX_CELLS:
             raise ValueError(
                 f"size is {self.size:g} and spacing {self.spacing:g}: give {MIN_CELLS} to {MAX_CELLS} cells along a "
                 "side"
             )
+        self._water(density=1000.0, gravity=9.81)
         if not self.load_radius >= self.spacing:
             raise ValueError(
                 f"load_radius is {self.load_radius:g} and spacing {self.spacing:g}: give a radius of a cell at least"

@@ -45,6 +45,7 @@ import ctypes
 import sys
 import threading
 import warnings
+import weakref
 from collections import deque
 from typing import Any
 
@@ -249,7 +250,7 @@ def _find_record(view: Any, body: int, settings: PluginSettings, key: int, what:
         return _records.add(key, kernels.DRY)
     inertia = inertia_of(view, body, wet.members)
     built = hull_of(view, wet, settings.options, inertia)
-    if isinstance(known, Kept) and known.built is built:
+    if isinstance(known, Kept) and known.built is not None and known.built() is built:
         return int(known.record.ctypes.data)
     if built.hull is None:
         return _records.add(key, kernels.DRY)
@@ -260,7 +261,7 @@ def _find_record(view: Any, body: int, settings: PluginSettings, key: int, what:
         split, block[:] = settings.surface.split(block)
         record = np.append(record, np.array([split.ctypes.data], np.int64).view(np.float64))
         blocks += (split,)
-    return _records.add(key, Kept(record=record, blocks=blocks, built=built))
+    return _records.add(key, Kept(record=record, blocks=blocks, built=weakref.ref(built)))
 
 
 def _find_surface(view: Any, settings: PluginSettings, key: int) -> int:

@@ -185,6 +185,12 @@ def instance_settings(view: _layout.ModelView, instance: int) -> PluginSettings:
         hull = {k: _value(k, t) for k, t in given.items() if k in HULL_KEYS}
         moving = MovingWater(**{k: _value(k, t) for k, t in given.items() if k in SURFACE_KEYS})
         water = Water.floating(**own) if "preset" in given else Water(**own)
+        gravity = float(-view.gravity[2])
+        if (moving.moves or water.radiation) and not gravity > 0.0:
+            raise ValueError(
+                f"gravity is {-gravity:g} m/s^2 along z: waves need water that is held down; give a negative number, or "
+                "still water"
+            )
         if moving.moves:
             check_law(water.law)
             if water.radiation:
@@ -198,11 +204,14 @@ def instance_settings(view: _layout.ModelView, instance: int) -> PluginSettings:
             surface=moving,
             geoms=_geom_rule(given.get("geoms", "")),
             below=given.get("bodies", "tree") == "tree",
-            sea=Sea.from_text(given.get("sea", ""), gravity=float(-view.gravity[2]) or 9.81),
+            sea=Sea.from_text(given.get("sea", ""), gravity=gravity if gravity > 0.0 else 9.81),
             sea_text=given.get("sea", ""),
         )
     except ValueError as error:
         raise ValueError(f"{who}: {error}") from error
+    except ArithmeticError as error:
+        text = " ".join(f"{key}={text}" for key, text in given.items())
+        raise ValueError(f"{who}: a number is too large or too small ({text})") from error
 
 
 def _value(key: str, text: str) -> Any:

@@ -57,8 +57,8 @@ class HullOptions:
     strict: bool = False
 
     def __post_init__(self) -> None:
-        check_count("resolution", self.resolution, low=4)
-        if check_count("max_faces", self.max_faces, low=0) in range(1, MIN_FACES):
+        check_count("resolution", self.resolution, low=4, high=primitives.MAX_SEGMENTS)
+        if check_count("max_faces", self.max_faces, low=0, high=2**31) in range(1, MIN_FACES):
             raise fault("max_faces", self.max_faces, f"give at least {MIN_FACES}, or 0 for all")
         check_choice("interior", self.interior, INTERIORS)
         check_switch("strict", self.strict)
@@ -84,7 +84,7 @@ class BuiltHull:
 class Registry:
     """Hulls by content; the least recently used go when they fill the memory that is set aside."""
 
-    KEPT_BYTES = 2**28
+    KEPT_BYTES = 2**26
 
     def __init__(self) -> None:
         self._lock = threading.RLock()

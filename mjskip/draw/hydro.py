@@ -10,6 +10,7 @@ import numpy as np
 import xarray
 
 from mjskip.errors import RenderError
+from mjskip.files import whole_file
 from mjskip.hydro.response import DOFS
 
 SHOWN = (0, 2, 4)
@@ -62,4 +63,5 @@ def draw_hydro(data: xarray.Dataset, path: Path) -> None:
         column[2].set_xlabel("angular frequency [rad/s]")
         column[3].set_xlabel("time [s]")
         column[0].legend(ncols=3, fontsize=8)
-    figure.savefig(path, dpi=110)
+    with whole_file(path) as part:
+        figure.savefig(part, dpi=110, format="png")

@@ -49,6 +49,10 @@ _SLACK = 0.10  # [s] over which a camera that follows starts and stops
 _TICK = 5e-3  # [s] between the points of its path
 
 
+MAX_PIXELS = 1e11
+"""Of a film: three hours of it at 30 frames a second of 640x480."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Shot:
     """How a throw is filmed.
@@ -91,6 +95,21 @@ class Shot:
             raise ValueError(f"look is {self.look!r}: use one of {', '.join(LOOKS)}")
         if not 0.0 <= self.linger <= 3600.0:
             raise ValueError(f"linger is {self.linger!r} s: give a number from 0 to 3600")
+        self.check_length(math.floor(self.linger * self.fps))
+
+    def check_length(self, count: int) -> None:
+        """Refuse a film of so many frames that is too long to be drawn.
+
+        Raises:
+            ValueError: says how many pixels it has.
+        """
+        width, height = self.size
+        pixels = count * width * height
+        if pixels > MAX_PIXELS:
+            raise ValueError(
+                f"the film has {count} frames of {width}x{height}, {pixels:.3g} pixels: at most {MAX_PIXELS:g} are "
+                "allowed; give a smaller size, fps, linger or slow"
+            )
 
 
 DEFAULT_SHOT = Shot()
@@ -296,6 +315,7 @@ def shot_times(trajectory: Flights, shot: Shot) -> Array:
     stop = max(float(one.time[-1]) for one in several)
     rate = shot.fps * shot.slow
     count = math.floor((stop - start) * rate + shot.linger * shot.fps + 1e-6) + 1
+    shot.check_length(count)
     return start + np.arange(count) / rate
 
 

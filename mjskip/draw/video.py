@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import math
+import re
+import signal
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -83,7 +85,7 @@ def write_video(
     check_video_path(path)
     check_size(size)
     check_fps(fps)
-    with whole_file(path) as part, _encoder(part, size, fps, quality) as add:
+    with whole_file(path) as part, _encoder(part, path, size, fps, quality) as add:
         for done, image in enumerate(images, start=1):
             add(image)
             if progress is not None:
@@ -129,7 +131,7 @@ def ffmpeg() -> str:
 
 @contextlib.contextmanager
 def _encoder(
-    path: Path, size: tuple[int, int], fps: float, quality: int
+    path: Path, target: Path, size: tuple[int, int], fps: float, quality: int
 ) -> Iterator[Callable[[Image], Any]]:
     import mediapy
 
@@ -153,7 +155,12 @@ def _encoder(
         if not isinstance(error, BrokenPipeError) and process.poll() is None:
             raise  # not the encoder's: it still runs
         said = f"{error}\n{_last_line(process)}".strip().splitlines()
-        raise RenderError(f"the video encoder failed: {said[-1]}") from error
+        reason = re.sub(r"^(\[[^]]*\] *)+", "", said[-1])  # which part of ffmpeg says it
+        if reason.endswith(":") and (code := process.wait()) < 0:
+            reason = str(signal.strsignal(-code))  # it was ended before it could say a word
+        raise RenderError(
+            f"{target} cannot be written, the video encoder failed: {reason}"
+        ) from error
     finally:
         _end(process)
 

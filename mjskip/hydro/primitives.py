@@ -17,6 +17,9 @@ from mjskip._typing import Array, Integers
 RESOLUTION = 12
 """Segments around a circle unless told otherwise; multiples of 4 keep every mirror plane."""
 
+MAX_SEGMENTS = 1000
+"""Around a circle: a sphere of so many has half a million faces."""
+
 
 def box(size: npt.ArrayLike) -> Any:
     """A box of half lengths (3,) [m], 24 faces: every side is four triangles about its middle."""

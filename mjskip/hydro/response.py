@@ -26,7 +26,8 @@ import numpy as np
 import numpy.typing as npt
 import xarray
 
-from mjskip._typing import Array, Complex
+from mjskip._typing import Array, Complex, Progress
+from mjskip.checks import check_memory
 from mjskip.hydro._coupling_tables import plane_waves
 from mjskip.hydro.panels import Influence, WettedHull, hull_influence, hull_width, lid_rate
 from mjskip.hydro.surface_modes import (
@@ -108,6 +109,7 @@ def potentials(
     *,
     directions: Sequence[float] = (0.0,),
     gravity: float,
+    progress: Progress | None = None,
 ) -> tuple[Complex, Complex, Complex, Array]:
     """Mean potential on every panel at angular frequencies (w,) [rad/s].
 
@@ -150,6 +152,8 @@ def potentials(
         outward[i] = _far_waves(
             influence, lid, strengths, float(w), float(wavenumbers[i]), gravity, modes.reach
         )
+        if progress:
+            progress(i + 1, len(omega))
     return radiated, scattered, incident, outward
 
 
@@ -264,6 +268,7 @@ def coefficients(
     density: float = 1000.0,
     gravity: float = 9.81,
     depth: float = math.inf,
+    progress: Progress | None = None,
 ) -> xarray.Dataset:
     """Added mass, radiation damping and wave forces, with Capytaine's names.
 
@@ -274,6 +279,7 @@ def coefficients(
         density: of the water [kg/m^3].
         gravity: [m/s^2].
         depth: of the water [m].
+        progress: called with the frequencies done and to do.
 
     Returns:
         `added_mass`, `radiation_damping` (omega, radiating_dof, influenced_dof); `Froude_Krylov_force`,
@@ -282,15 +288,22 @@ def coefficients(
         radiating_dof).
 
     Raises:
-        ValueError: a frequency is not a finite number above 0.
+        ValueError: a frequency is not a finite number above 0, or what was asked for is too large for the memory.
     """
     frequencies = np.atleast_1d(np.asarray(omega, dtype=np.float64))
     if frequencies.ndim != 1 or not (np.isfinite(frequencies) & (frequencies > 0.0)).all():
         raise ValueError(f"omega is {omega!r}: give finite angular frequencies above 0 [rad/s]")
+    panels = sum(len(body.hull.areas) for body in bodies)
+    columns = 6 * len(bodies) + 2 * len(directions)
+    check_memory(
+        f"{panels} panels at {len(frequencies)} frequencies from {len(directions)} directions",
+        16.0 * panels * (8.0 * panels + 2.0 * len(frequencies) * columns),
+        "ask for fewer frequencies, directions or faces of hulls (max_faces)",
+    )
     middle = np.mean([body.hull.centre for body in bodies], axis=0)
     influence = hull_influence(*(body.hull.moved(-middle) for body in bodies), depth=depth)
     radiated, scattered, incident, outward = potentials(
-        influence, frequencies, directions=directions, gravity=gravity
+        influence, frequencies, directions=directions, gravity=gravity, progress=progress
     )
     k = wavenumber(frequencies, depth=depth, gravity=gravity)
     towards = np.stack([np.cos(directions), np.sin(directions)])

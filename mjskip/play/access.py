@@ -18,6 +18,8 @@ from http.cookies import CookieError, SimpleCookie
 from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qs, urlsplit
 
+import click
+
 if TYPE_CHECKING:
     from websockets.asyncio.server import ServerConnection
     from websockets.http11 import Request, Response
@@ -147,6 +149,8 @@ def _limited(access: AccessControl) -> type[ServerConnection]:
             except TimeoutError:
                 await self.close(1008, "this page says nothing")
                 return await super().recv()  # raises: the connection is closed
+            if not self.spoken:
+                asyncio.get_running_loop().set_exception_handler(_say_in_one_line)
             self.spoken = True
             now = time.monotonic()
             if now - self.second >= 1.0:
@@ -158,6 +162,15 @@ def _limited(access: AccessControl) -> type[ServerConnection]:
             return message
 
     return Limited
+
+
+def _say_in_one_line(_: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+    """What a page sent that is no message of its kind makes viser stumble: that is told, and no traceback."""
+    error = context.get("exception")
+    reason = (
+        " ".join(f"{type(error).__name__} {error}".split())[:200] if error else context["message"]
+    )
+    click.echo(f"mjskip play: a page sent what cannot be read ({reason}): ignored", err=True)
 
 
 def may_talk(origin: str | None, host: str | None, *, bound: str) -> bool:

@@ -48,6 +48,9 @@ PIECE = 8
 """Throws that a thread takes at a time: some sink at once, others skip for seconds."""
 
 
+MAX_THREADS = 1024
+
+
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Outcomes:
     """What n throws did; NaN where there is nothing to say.
@@ -128,6 +131,7 @@ def throw_all(
     """
     limits = Limits() if limits is None else check_type("limits", limits, Limits)
     check_positive(timestep=timestep)
+    limits.check_steps(timestep)
     check_choice("integrator", integrator, FIXED_STEP)
     check_choice("air", air, AIRS)
     if not isinstance(throws, Sequence):
@@ -151,7 +155,7 @@ def throw_all(
             table.bodies, table.which[rows], rules, table.vertices, starts[rows], out[rows]
         )
 
-    workers = processors() if threads is None else check_count("threads", threads)
+    workers = processors() if threads is None else check_count("threads", threads, high=MAX_THREADS)
     if workers == 1 or count <= PIECE:
         for first in range(0, count, PIECE):
             throw_piece(first)

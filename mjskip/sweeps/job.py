@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
 from itertools import product
@@ -68,19 +68,30 @@ class Question(Protocol):
     def title(self) -> str: ...
 
     def run(
-        self, index: tuple[slice, ...], *, threads: int | None = None
+        self,
+        index: tuple[slice, ...],
+        *,
+        threads: int | None = None,
+        progress: Callable[[int], None] | None = None,
     ) -> dict[str, np.ndarray[Any, Any]]:
-        """An array of the block's shape for every result of one block of the grid."""
+        """An array of the block's shape for every result of one block of the grid.
+
+        `progress` is called with what is done of it, where one is done after the other.
+        """
 
     def request(self) -> dict[str, Any]:
         """All that the results depend on, as JSON would have it: two equal ones give equal bytes."""
 
 
 def run_chunk(
-    job: Question, index: tuple[slice, ...], *, threads: int | None = None
+    job: Question,
+    index: tuple[slice, ...],
+    *,
+    threads: int | None = None,
+    progress: Callable[[int], None] | None = None,
 ) -> dict[str, np.ndarray[Any, Any]]:
     """One block of the grid, here or on a worker."""
-    return job.run(index, threads=threads)
+    return job.run(index, threads=threads, progress=progress)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -132,7 +143,11 @@ class Job:
     title: ClassVar[str] = "stone skipping sweep, SI units, angles in radians"
 
     def run(
-        self, index: tuple[slice, ...], *, threads: int | None = None
+        self,
+        index: tuple[slice, ...],
+        *,
+        threads: int | None = None,
+        progress: Callable[[int], None] | None = None,
     ) -> dict[str, np.ndarray[Any, Any]]:
         """The throws of one block of the grid: an array of the block's shape for every result."""
         shape = tuple(part.stop - part.start for part in index)
@@ -153,9 +168,10 @@ class Job:
                 todo.append((k, stone, thrown, _water_of(self.water, row)))
             except (ValueError, MjskipError) as error:
                 found["status"][k], found["reason"][k] = "refused", _line(error)
-        throw_them = _by_reference if self.engine == "reference" else _by_mujoco
-        if todo:
-            throw_them(self, todo, found, threads)
+        if todo and self.engine == "reference":
+            _by_reference(self, todo, found, threads)
+        elif todo:
+            _by_mujoco(self, todo, found, progress)
         return {name: values.reshape(shape) for name, values in found.items()}
 
     def request(self) -> dict[str, Any]:
@@ -209,9 +225,13 @@ def _by_reference(job: Job, todo: list[Any], found: dict[str, Any], threads: int
             found["reason"][row] = f"not finite at t = {time:.6g} s: use a smaller time step"
 
 
-def _by_mujoco(job: Job, todo: list[Any], found: dict[str, Any], threads: int | None) -> None:
+def _by_mujoco(
+    job: Job, todo: list[Any], found: dict[str, Any], progress: Callable[[int], None] | None
+) -> None:
     integrator = job.integrator or (None if job.scene else "RK4")
-    for k, stone, throw, water in todo:
+    for done, (k, stone, throw, water) in enumerate(todo):
+        if progress:
+            progress(done)
         try:
             if job.scene is None:
                 scene = scene_of(stone, gravity=job.gravity)

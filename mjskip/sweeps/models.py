@@ -13,10 +13,11 @@ import io
 import math
 import os
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields
 from importlib.metadata import version
+from itertools import count as count_up
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
@@ -292,7 +293,11 @@ class ModelJob:
         }
 
     def run(
-        self, index: tuple[slice, ...], *, threads: int | None = None
+        self,
+        index: tuple[slice, ...],
+        *,
+        threads: int | None = None,
+        progress: Callable[[int], None] | None = None,
     ) -> dict[str, np.ndarray[Any, Any]]:
         """The runs of one block of the grid: an array of the block's shape for every result."""
         register_plugin()
@@ -308,7 +313,14 @@ class ModelJob:
         found: dict[str, Any] = {name: np.full(len(points), np.nan) for name in self.results}
         found |= {name: np.full(len(points), "", dtype=object) for name in WORDS}
 
+        done = count_up(1)
+
         def one(k: int) -> None:
+            do(k)
+            if progress:
+                progress(next(done))
+
+        def do(k: int) -> None:
             try:
                 model = self._altered(points[k])
             except (ValueError, MjskipError) as error:

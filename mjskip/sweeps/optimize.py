@@ -23,7 +23,7 @@ from mjskip.checks import (
 from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
 from mjskip.sweeps.batch import Outcomes, throw_all
-from mjskip.sweeps.design import normal
+from mjskip.sweeps.design import MAX_THROWS, normal
 from mjskip.throws.recording import Limits
 from mjskip.throws.throw import PARAMETERS, Throw
 
@@ -156,6 +156,13 @@ def optimize(
     generations = check_count("generations", generations, high=MAX_COUNT)
     seed = check_count("seed", seed, low=0)
     names = list(ranges)
+    each = max(1, -(-population // len(names)))  # candidates by parameter, as SciPy counts
+    thrown = each * len(names) * members * (generations + 1)
+    if thrown > MAX_THROWS:
+        raise ValueError(
+            f"the search has {thrown} throws ({each * len(names)} candidates of {members} members in "
+            f"{generations} generations and a first one): at most {MAX_THROWS} are allowed"
+        )
 
     def throw_them(throws: list[Throw]) -> Outcomes:
         return throw_all(
@@ -182,7 +189,7 @@ def optimize(
     search: Any = differential_evolution  # its stubs know no vectorized=True
     found = search(
         cost, [ranges[n] for n in names], maxiter=generations, init="latinhypercube",
-        popsize=max(1, -(-population // len(names))), vectorized=True, updating="deferred",
+        popsize=each, vectorized=True, updating="deferred",
         polish=False, tol=1e-3, rng=np.random.default_rng(seed), callback=generation_done,
     )  # fmt: skip
     aim = np.asarray(found.x, dtype=np.float64)

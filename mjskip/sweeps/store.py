@@ -8,19 +8,21 @@ from __future__ import annotations
 
 import json
 import os
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from mjskip.errors import MjskipError
-from mjskip.files import whole_file, writing
+from mjskip.files import reading, whole_file, writing
 from mjskip.sweeps.job import RESULTS, WORDS, Question
 
 if TYPE_CHECKING:
     import xarray as xr
 
 Index = tuple[slice, ...]
+WRITER = "`mjskip sweep --save`"
 
 
 class Store(Protocol):
@@ -34,6 +36,9 @@ class Store(Protocol):
 
     def dataset(self) -> xr.Dataset:
         """All of it."""
+
+    def close(self) -> None:
+        """Nothing more is written."""
 
 
 class MemoryStore:
@@ -73,12 +78,15 @@ class MemoryStore:
             attrs={"title": job.title, "request": json.dumps(job.request())},
         )
 
+    def close(self) -> None:
+        """Nothing more is written."""
+
 
 class ZarrStore:
     """Results in a Zarr group."""
 
-    def __init__(self, path: Path, group: Any, names: tuple[str, ...]) -> None:
-        self._path, self._group, self._names = path, group, names
+    def __init__(self, path: Path, group: Any, names: tuple[str, ...], lock: Any) -> None:
+        self._path, self._group, self._names, self._lock = path, group, names, lock
         self._status = group["status"][...]
 
     def finished(self, index: Index) -> bool:
@@ -95,12 +103,17 @@ class ZarrStore:
         """All of it."""
         return open_sweep(self._path)
 
+    def close(self) -> None:
+        """Let others write to it."""
+        self._lock.close()
+
 
 def open_store(path: str | os.PathLike[str], job: Question, chunks: tuple[int, ...]) -> ZarrStore:
     """Make a store for a sweep, or open the one that is there.
 
     Raises:
-        MjskipError: there is something else, a store of another request, or no `zarr`.
+        MjskipError: there is something else, a store of another request, one that another process writes to, or no
+            `zarr`.
     """
     zarr = _zarr()
     path, request = Path(path), job.request()
@@ -108,15 +121,46 @@ def open_store(path: str | os.PathLike[str], job: Question, chunks: tuple[int, .
         with whole_file(path) as part:
             _make(zarr.create_group(part), job, chunks, request)
     group = _group(zarr, path)
-    made = json.loads(group.attrs["request"])
-    differ = list(_differences(made, json.loads(json.dumps(request))))
-    if group["status"].chunks != chunks:
-        differ.append(f"chunk was {group['status'].chunks}, now {chunks}")
-    if differ:
-        raise MjskipError(
-            f"{path} holds another sweep ({'; '.join(differ)}): ask for the same, or name another file"
-        )
-    return ZarrStore(path, group, (*job.results, *job.words))
+    lock = _locked(path)
+    try:
+        with reading(path, what="a sweep", writer=WRITER):
+            made = json.loads(group.attrs["request"])
+            differ = list(_differences(made, json.loads(json.dumps(request))))
+            if group["status"].chunks != chunks:
+                differ.append(f"chunk was {group['status'].chunks}, now {chunks}")
+            store = ZarrStore(path, group, (*job.results, *job.words), lock)
+        if differ:
+            raise MjskipError(
+                f"{path} holds another sweep ({'; '.join(differ)}): ask for the same, or name another file"
+            )
+    except BaseException:
+        lock.close()
+        raise
+    return store
+
+
+def _locked(path: Path) -> Any:
+    """Keep other processes from writing to a store, and remove what those that have ended left half written.
+
+    The lock is on a file of the store that is only ever read, and goes with the process that holds it.
+    """
+    lock = (path / "zarr.json").open("rb")
+    with suppress(ImportError):  # where there is no such lock, nothing is removed
+        import fcntl
+
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            lock.close()
+            raise MjskipError(
+                f"{path} is being written by another process: wait for it, or name another file"
+            ) from None
+        except OSError:  # a file system without locks
+            return lock
+        for part in path.rglob("*.partial"):
+            with suppress(OSError):
+                part.unlink()
+    return lock
 
 
 def open_sweep(path: str | os.PathLike[str]) -> xr.Dataset:
@@ -129,8 +173,11 @@ def open_sweep(path: str | os.PathLike[str]) -> xr.Dataset:
 
     path = Path(path)
     group = _group(_zarr(), path)
-    results = list(group.attrs.get("results", [*RESULTS, *WORDS]))
-    with xr.open_zarr(path, consolidated=False, decode_times=False) as opened:
+    with (
+        reading(path, what="a sweep", writer=WRITER),
+        xr.open_zarr(path, consolidated=False, decode_times=False) as opened,
+    ):
+        results = list(group.attrs.get("results", [*RESULTS, *WORDS]))
         data: xr.Dataset = opened.load()
     for name, variable in data.variables.items():
         if variable.dtype.kind == "T":
@@ -186,13 +233,9 @@ def _zarr() -> Any:
 def _group(zarr: Any, path: Path) -> Any:
     if not is_sweep(path):
         raise MjskipError(f"{path} is no sweep: give a store that `mjskip sweep` wrote")
-    try:
+    with reading(path, what="a sweep", writer=WRITER):
         group = zarr.open_group(path, mode="r+")
         _ = group.attrs["request"], group["status"]
-    except (OSError, KeyError, ValueError) as error:
-        raise MjskipError(
-            f"{path} is no sweep ({error}): give a store that `mjskip sweep` wrote"
-        ) from error
     return group
 
 

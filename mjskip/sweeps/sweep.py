@@ -14,7 +14,7 @@ from mjskip.checks import check_choice, check_count, check_path, check_positive,
 from mjskip.errors import MjskipWarning
 from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
-from mjskip.sweeps.batch import AIRS, Air
+from mjskip.sweeps.batch import AIRS, MAX_THREADS, Air
 from mjskip.sweeps.design import Design
 from mjskip.sweeps.job import Job, Question, run_chunk
 from mjskip.sweeps.store import MemoryStore, Store, open_store
@@ -91,6 +91,7 @@ def sweep(
         scatter={} if scatter is None else scatter,
     )
     job = _job(scene, design, throw, water, engine, integrator, timestep, limits, air)
+    job.limits.check_steps(job.timestep, bodies=int(engine == "mujoco"))
     _warn_timestep(job)
     return ask(job, path=path, chunk=chunk, threads=threads, scheduler=scheduler, progress=progress)
 
@@ -107,13 +108,29 @@ def ask(
     """Do a sweep chunk by chunk, here or on a cluster; arguments as for `sweep`."""
     check_count("chunk", chunk)
     if threads is not None:
-        check_count("threads", threads)
+        check_count("threads", threads, high=MAX_THREADS)
     if scheduler is not None:
         check_type("scheduler", scheduler, str, "give an address such as tcp://127.0.0.1:8786")
     shape = chunk_shape(tuple(job.design.sizes.values()), chunk)
     place: Store = (
         MemoryStore(job) if path is None else open_store(check_path("path", path), job, shape)
     )
+    try:
+        _finish(place, job, shape, threads, scheduler, progress)
+        return place.dataset()
+    finally:
+        place.close()
+
+
+def _finish(
+    place: Store,
+    job: Question,
+    shape: tuple[int, ...],
+    threads: int | None,
+    scheduler: str | None,
+    progress: Progress | None,
+) -> None:
+    """Do the chunks that the store lacks."""
     todo, done = [], 0
     for index in _chunks(job.design, shape):
         if place.finished(index):
@@ -130,14 +147,17 @@ def ask(
         if progress:
             progress(done, job.design.size)
 
+    def tell(within: int) -> None:
+        if progress:
+            progress(done + within, job.design.size)
+
     if scheduler is None:
         for index in todo:
-            take(index, run_chunk(job, index, threads=threads))
+            take(index, run_chunk(job, index, threads=threads, progress=tell))
     elif todo:
         from mjskip.sweeps.cluster import run_on_cluster
 
         run_on_cluster(scheduler, job, todo, take)
-    return place.dataset()
 
 
 def chunk_shape(sizes: tuple[int, ...], most: int) -> tuple[int, ...]:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from mjskip._typing import Progress
 from mjskip.checks import check_positive
 from mjskip.errors import DivergedError, MjskipWarning
 from mjskip.rigid.attitude import difference
@@ -115,7 +116,7 @@ def compare(
     scene: Scene,
     *,
     timesteps: Sequence[float] = LADDER,
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Progress | None = None,
 ) -> Comparison:
     """Run the chosen stone's throw by every solver at every time step.
 
@@ -124,7 +125,7 @@ def compare(
     Args:
         scene: what to throw; only the chosen body is looked at.
         timesteps: [s], multiples of the smallest.
-        progress: told what is being run.
+        progress: called with the runs done and to do.
 
     Raises:
         ValueError: a time step is not positive or no multiple of the smallest, or the stone does not
@@ -132,7 +133,6 @@ def compare(
     """
     ladder = _ladder(timesteps)
     fine = ladder[-1]
-    progress("yardstick")
     scout = _run(scene, engine="reference", timestep=fine, limits=_until(2.0))
     if not scout.contacts:
         raise ValueError(
@@ -152,10 +152,11 @@ def compare(
     tumble, tumbling = _tumbling(scene, ladder)
     runs: dict[tuple[str, str, float], Trajectory] = {}
     smooth: dict[tuple[str, str], list[tuple[float, float]]] = {}
-    rows = []
+    rows: list[Row] = []
     for engine, integrator in SOLVERS:
         for step in ladder:
-            progress(f"{engine} {integrator} at {step * 1e3:g} ms")
+            if progress:
+                progress(len(rows), len(SOLVERS) * len(ladder))
             options: dict[str, Any] = {"engine": engine, "integrator": integrator, "timestep": step}
             run = _attempt(scene, ends + step, options)
             row = Row(**options)

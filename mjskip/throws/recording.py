@@ -13,16 +13,22 @@ from typing import Any
 import numpy as np
 
 from mjskip._typing import Array
-from mjskip.checks import check_number, check_positive, check_vector
+from mjskip.checks import check_memory, check_number, check_positive, check_vector
 from mjskip.errors import DivergedError
-from mjskip.hydro.columns import CLEARANCE, load_columns
+from mjskip.hydro.columns import CLEARANCE, LOAD, load_columns
 from mjskip.hydro.stone import Stone
 from mjskip.hydro.water import Water
 from mjskip.hydro.wrench import pack, wrench_and_immersion
 from mjskip.rigid.attitude import angles, quaternions
-from mjskip.rigid.state import state_columns
+from mjskip.rigid.state import STATE, state_columns
 from mjskip.throws import _touch_kernels as kernels
 from mjskip.throws.trajectory import ENDS, Contact, Moment, Trajectory
+
+MAX_STEPS = 1e7
+"""Of a run: minutes, and every step is kept."""
+
+KEPT_BYTES = 2 * 8 * (2 + STATE + LOAD)
+"""Of a step of a body: time, state, load and reaction, and as much while they are put together."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,6 +58,27 @@ class Limits:
             if each.name != "rest_speed":
                 check_positive(**{each.name: value})
             object.__setattr__(self, each.name, check_number(each.name, value))
+
+    def check_steps(self, timestep: float, *, bodies: int = 0) -> None:
+        """Refuse a run that is too long, or whose record would not fit into memory.
+
+        Args:
+            timestep: [s].
+            bodies: whose every step is kept; none if only outcomes are.
+
+        Raises:
+            ValueError: says how many steps, or bytes, it would be.
+        """
+        steps = self.duration / timestep
+        if steps > MAX_STEPS:
+            raise ValueError(
+                f"duration {self.duration:g} s at {timestep:g} s a step makes {steps:.3g} steps: at most "
+                f"{MAX_STEPS:g} are allowed; shorten the duration or lengthen the step"
+            )
+        check_memory(
+            f"a record of {steps:.3g} steps of {bodies} bodies", KEPT_BYTES * steps * bodies,
+            "shorten the duration or lengthen the step",
+        )  # fmt: skip
 
     def rules(self, walls: tuple[float, float, float, float] | None = None) -> Array:
         """The limits as the kernels take them (RULES,).

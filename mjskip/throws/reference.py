@@ -74,6 +74,8 @@ def integrate(
     """
     water = Water() if water is None else water
     limits = Limits() if limits is None else check_type("limits", limits, Limits)
+    check_positive(timestep=timestep)
+    limits.check_steps(timestep, bodies=1)
     moving = Integrator(
         stone,
         state_at_release(stone, throw),

@@ -13,7 +13,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from mjskip._typing import PathLike
+from mjskip._typing import PathLike, Progress
 from mjskip.checks import check_choice, check_positive, check_switch, check_type
 from mjskip.coupling.bodies import find_body
 from mjskip.coupling.callback import compile_callback
@@ -43,9 +43,6 @@ SURFACES: tuple[Surface, ...] = get_args(Surface)
 STEP_FRACTION = 0.5
 """Largest time step, in times that the stone takes to fly through its own thickness."""
 
-MAX_STEPS = 1e7
-"""Every step is kept: ten million fill some gigabytes."""
-
 CHUNK = 200
 """Steps between looks at whether the run is over."""
 
@@ -62,6 +59,7 @@ def simulate(
     surface: Surface = "still",
     load_radius: float = LOAD_RADIUS,
     record: SurfaceFrames | None = None,
+    progress: Progress | None = None,
 ) -> Trajectory:
     """Throw a scene's stones and return the trajectory of the chosen one.
 
@@ -71,6 +69,7 @@ def simulate(
     return simulate_all(
         scene, throw, engine=engine, integrator=integrator, timestep=timestep, limits=limits,
         frozen_attitude=frozen_attitude, surface=surface, load_radius=load_radius, record=record,
+        progress=progress,
     )[scene.body]  # fmt: skip
 
 
@@ -86,6 +85,7 @@ def simulate_all(
     surface: Surface = "still",
     load_radius: float = LOAD_RADIUS,
     record: SurfaceFrames | None = None,
+    progress: Progress | None = None,
 ) -> dict[str, Trajectory]:
     """Throw every stone of a scene.
 
@@ -103,6 +103,7 @@ def simulate_all(
         load_radius: over waves, of the bumps that spread a load and sample the surface under it [m].
         record: keep the surface at some moments, in `Trajectory.surface`: what pictures are drawn from. Over
             still water it is that which the stones press on, and do not feel.
+        progress: called with the steps done and those that the duration allows; most runs end before.
 
     Returns:
         The trajectory of every free body, by name, in the scene's order.
@@ -139,6 +140,7 @@ def simulate_all(
     field = scene.field() if waves or record is not None else None
     recorder = None
     if field is not None and record is not None:
+        record.check_duration(limits.duration, timestep)
         recorder = SurfaceRecorder(record, field, timestep=timestep)
     walls = None
     if field is not None and waves:
@@ -160,7 +162,7 @@ def simulate_all(
         run = Run(
             scene, machine, timestep, field=field, feel=waves, load_radius=load_radius, recorder=recorder
         )  # fmt: skip
-        _follow(run, logs, timestep)
+        _follow(run, logs, timestep, round(limits.duration / timestep), progress)
     wall = time.perf_counter() - begun
 
     trajectories = {name: log.trajectory({}) for name, log in logs.items()}
@@ -192,15 +194,34 @@ def _provenance(scene: Scene, name: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _follow(run: Run, logs: Mapping[str, Recorder], timestep: float) -> None:
-    """Move on until every stone's run is over."""
-    done = 0
+def _follow(
+    run: Run,
+    logs: Mapping[str, Recorder],
+    timestep: float,
+    most: int,
+    progress: Progress | None,
+) -> None:
+    """Move on until every stone's run is over; where steps are slow, tell of progress more often."""
+    done, piece = 0, CHUNK if progress is None else 1
     while not all(log.end for log in logs.values()):
-        block = run.advance(CHUNK)
-        times = timestep * np.arange(done, done + CHUNK, dtype=np.float64)
-        done += CHUNK
-        for n, name in enumerate(run.engine.names):
-            logs[name].extend(times, block.states[:, n], block.loads[:, n], block.reactions[:, n])
+        left = CHUNK
+        while left:
+            steps, begun = min(piece, left), time.perf_counter()
+            block = run.advance(steps)
+            times = timestep * np.arange(done, done + steps, dtype=np.float64)
+            for n, name in enumerate(run.engine.names):
+                logs[name].extend(
+                    times, block.states[:, n], block.loads[:, n], block.reactions[:, n]
+                )
+            done, left = done + steps, left - steps
+            if progress is not None:
+                progress(min(done, most), most)
+                took = time.perf_counter() - begun
+                piece = (
+                    min(2 * piece, CHUNK)
+                    if took < 0.05
+                    else max(1, min(piece, int(piece * 0.2 / took)))
+                )
     run.finish()
 
 
@@ -247,11 +268,7 @@ def _check_options(
     frozen_attitude: bool, waves: bool,
 ) -> None:  # fmt: skip
     """Refuse what cannot be done together."""
-    if limits.duration / timestep > MAX_STEPS:
-        raise ValueError(
-            f"duration {limits.duration:g} s at {timestep:g} s a step makes {limits.duration / timestep:.3g} "
-            f"steps: at most {MAX_STEPS:g} are allowed; shorten the duration or lengthen the step"
-        )
+    limits.check_steps(timestep, bodies=len(scene.stones))
     if waves:
         check_law(scene.water.law)
     if scene.plugged and scene.water != scene.plugged[scene.body]:

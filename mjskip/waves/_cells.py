@@ -9,7 +9,7 @@ from typing import TypeAlias
 import numpy as np
 
 from mjskip._typing import Array, Flags, SingleArray
-from mjskip.checks import check_number, fault
+from mjskip.checks import check_memory, check_number, fault
 from mjskip.waves import _block_kernels as kernels
 from mjskip.waves._stencil import reach_of
 from mjskip.waves.grid import WaveGrid
@@ -166,6 +166,11 @@ class CellBlocks:
             ):
                 return None
         i, j = self._whole_cell(math.ceil(p - reach)), self._whole_cell(math.ceil(q - reach))
+        check_memory(
+            f"a round load of {radius:g} m on cells of {self.spacing:g} m",
+            16.0 * (2.0 * reach + 1.0) ** 2,
+            "give a smaller radius, or a larger spacing",
+        )
         block = np.zeros((math.floor(p + reach) - i + 1, math.floor(q + reach) - j + 1), np.float32)
         return block, i, j, (p - i, q - j), reach
 
@@ -191,8 +196,10 @@ def checked_shape(shape: tuple[int, int], low: int = 3) -> tuple[int, int]:
     """Two whole numbers that are not too low."""
     try:
         nx, ny = (int(n) for n in shape)
-        if (nx, ny) == tuple(shape) and min(nx, ny) >= low:
+        if (nx, ny) == tuple(shape) and min(nx, ny) >= low and max(nx, ny) <= FARTHEST:
             return nx, ny
     except (TypeError, ValueError, OverflowError):
         pass
-    raise fault("shape", shape, f"give two whole numbers of at least {low}, (cells x, cells y)")
+    raise fault(
+        "shape", shape, f"give two whole numbers from {low} to {FARTHEST:g}, (cells x, cells y)"
+    )

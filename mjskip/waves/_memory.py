@@ -1,7 +1,4 @@
-"""Memory for grids of water: where it begins, and how much of it is free."""
-
-import os
-from pathlib import Path
+"""Memory for grids of water: where it begins."""
 
 import numpy as np
 
@@ -19,20 +16,3 @@ def aligned_zeros(rows: int, columns: int, *, after: int = 0) -> SingleArray:
     raw = np.zeros(4 * rows * columns + PAGE, np.uint8)
     start = (after - raw.ctypes.data) % PAGE
     return raw[start : start + 4 * rows * columns].view(np.float32).reshape(rows, columns)
-
-
-def free_memory() -> int:
-    """Bytes this process may still take: the machine's or the container's, whichever is less."""
-    free = 1 << 62
-    try:
-        for line in Path("/proc/meminfo").read_text().splitlines():
-            if line.startswith("MemAvailable:"):
-                free = 1024 * int(line.split()[1])
-        limit = Path("/sys/fs/cgroup/memory.max").read_text().strip()
-        used = int(Path("/sys/fs/cgroup/memory.current").read_text())
-        if limit != "max":
-            free = min(free, max(0, int(limit) - used))
-    except (OSError, ValueError):
-        if free == 1 << 62 and hasattr(os, "sysconf") and "SC_PHYS_PAGES" in os.sysconf_names:
-            free = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    return free

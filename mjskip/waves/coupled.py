@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from mjskip._typing import Array, Integers
+from mjskip.checks import check_memory
 from mjskip.errors import DivergedError, MjskipWarning
 from mjskip.hydro import _block as hydro
 from mjskip.hydro.columns import LOAD, WRENCH
@@ -21,7 +22,6 @@ from mjskip.waves import _coupled_kernels as kernels
 from mjskip.waves._coupled_arrays import Coupled
 from mjskip.waves._coupled_loads import MARGIN
 from mjskip.waves._face_kernels import FACE, MOBILITY
-from mjskip.waves._memory import free_memory
 from mjskip.waves._stencil import SAFE_FRACTION
 from mjskip.waves.coupling import LOAD_RADIUS, TOLERANCE, split_block, wave_impulse
 from mjskip.waves.field import HeightField
@@ -262,12 +262,11 @@ class CoupledWater:
     def _make_cells(self, cells: int) -> None:
         """Arrays for so many cells of surface under the bodies."""
         size = 8 * 9 * cells
-        free = free_memory()
-        if size > 0.9 * free:
-            raise ValueError(
-                f"the surface under the bodies has {cells} cells of {self.field.spacing:g} m, which take "
-                f"{size / 1e9:.3g} GB: use a larger spacing"
-            )
+        check_memory(
+            f"the surface of {cells} cells of {self.field.spacing:g} m under the bodies",
+            size,
+            "use a larger spacing",
+        )
         n = len(self.coupled.clusters)
         self.coupled = self.coupled._replace(
             patches=np.zeros(hydro.PATCH_POINTS * n + 2 * cells),

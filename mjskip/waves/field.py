@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +15,7 @@ from mjskip.checks import (
     check_array,
     check_choice,
     check_count,
+    check_memory,
     check_number,
     check_positive,
     check_vector,
@@ -309,6 +311,9 @@ class HeightField(CellBlocks):
         """
         x, y = check_number("x", x, unit="m"), check_number("y", y, unit="m")
         shape = checked_shape(shape, low=1)
+        check_memory(
+            f"a window of {shape[0]} x {shape[1]} cells", 16.0 * math.prod(shape), "give fewer"
+        )
         places = self._in_cells(x, y)
         i, j = (
             self._whole_cell(float(p) - (n - 1) / 2) - self._margin

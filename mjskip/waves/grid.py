@@ -10,11 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip._typing import Flags, Integers, SingleArray
+from mjskip.checks import check_memory
 from mjskip.errors import MjskipError
 from mjskip.waves import _block_kernels as blocks
 from mjskip.waves import _tile_kernels as kernels
 from mjskip.waves._medium_kernels import Medium, fill_open_edge, mirror_edge, step_mixed
-from mjskip.waves._memory import SECOND_OFFSET, aligned_zeros, free_memory
+from mjskip.waves._memory import SECOND_OFFSET, aligned_zeros
 from mjskip.waves._stencil import (
     COURANT_LIMITS,
     MARGIN,
@@ -156,16 +157,14 @@ class WaveGrid:
         )
 
     def _check_memory(self, size: int) -> None:
-        free = free_memory()
-        if size <= 0.9 * free:
-            return
-        need = f"needs {size / 1e9:.3g} GB and {free / 1e9:.3g} GB are free"
         if self.is_whole:
-            raise ValueError(
-                f"shape is {self.tile[0]} x {self.tile[1]}: that grid {need}; use fewer cells, a larger spacing, "
-                "or HeightField.endless()"
-            )
-        raise MjskipError(f"the moving water {need}: raise sleep_amplitude, damping or spacing")
+            what = f"shape is {self.tile[0]} x {self.tile[1]}: that grid"
+            check_memory(what, size, "use fewer cells, a larger spacing, or HeightField.endless()")
+            return
+        try:
+            check_memory("the moving water", size, "raise sleep_amplitude, damping or spacing")
+        except ValueError as error:  # it has grown: no argument is at fault
+            raise MjskipError(str(error)) from None
 
     def _resize(self, tiles: int) -> None:
         """Arrays with room for so many tiles, and the active ones in them."""

@@ -21,9 +21,13 @@ import numpy as np
 
 from mjskip._typing import Array, Integers, SingleArray
 from mjskip.checks import check_number, check_positive
+from mjskip.files import writing
 from mjskip.waves.field import HeightField
 
-IN_MEMORY = 1 << 28
+MAX_MOMENTS = 1e6
+"""Of a recording; one takes some ten to some thousand kilobytes."""
+
+IN_MEMORY = 1 << 25
 """Bytes of a recording beyond which it goes into a temporary file."""
 
 
@@ -45,6 +49,22 @@ class SurfaceFrames:
     def __post_init__(self) -> None:
         check_positive(rate=self.rate)
         check_number("linger", self.linger, low=0.0, high=3600.0, unit="s")
+        self._check_moments(self.rate * self.linger)
+
+    def check_duration(self, duration: float, timestep: float) -> None:
+        """Refuse a record of a run [s], in steps of this size [s], of too many moments.
+
+        Raises:
+            ValueError: says how many they are.
+        """
+        self._check_moments(min(self.rate, 1.0 / timestep) * duration + self.rate * self.linger)
+
+    def _check_moments(self, count: float) -> None:
+        if count > MAX_MOMENTS:
+            raise ValueError(
+                f"the surface would be recorded {count:.3g} times: at most {MAX_MOMENTS:g} are allowed; give a "
+                "smaller rate (fps, slow), linger or duration"
+            )
 
 
 class SurfaceRecording:
@@ -76,9 +96,13 @@ class SurfaceRecording:
         return self._like.spacing
 
     def append(self, field: HeightField) -> None:
-        """Record the water as it is, at its time."""
+        """Record the water as it is, at its time.
+
+        Raises:
+            MjskipError: the folder of temporary files is full.
+        """
         levels = np.ascontiguousarray(field.grid.z)
-        with self._lock:
+        with self._lock, writing(tempfile.gettempdir()):
             self._file.seek(self._size)
             self._file.write(levels.tobytes())
             self._times.append(field.time)
