@@ -247,7 +247,9 @@ def boat():
 def test_ten_lines_of_a_users_own_draw_a_boat(tmp_path, monkeypatch):
     page = Path(__file__).parent.parent / "docs" / "drawing.md"
     (code,) = [
-        part.split("```")[0] for part in page.read_text().split("```python\n")[1:] if "boat" in part
+        part.split("```")[0]
+        for part in page.read_text().split("```python\n")[1:]
+        if "boat.xml" in part
     ]
     assert len(code.replace("\n\n", "\n").splitlines()) <= 10
     (tmp_path / "boat.xml").write_text(BOAT)
@@ -414,8 +416,10 @@ def test_moving_water_that_a_model_brings_is_drawn_without_being_named():
         with mjskip.Renderer(model, 120, 160, water=water, linear=True) as renderer:
             renderer.update_scene(data, "above")
             pictures.append(renderer.render().astype(float))
-    np.testing.assert_array_equal(pictures[0], pictures[1])
-    assert np.abs(pictures[0] - pictures[2]).max() > 5.0
+    # a few pixels at the ball's edge are not the same in every renderer
+    alike, still = (np.abs(pictures[0] - other).max(axis=2) > 5.0 for other in pictures[1:])
+    assert np.mean(alike) < 0.03
+    assert np.mean(still) > 0.06
 
 
 def test_a_translucent_geom_over_the_water_does_not_vanish():

@@ -93,15 +93,15 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
             ValueError: the picture is larger than the model's offscreen buffer, or the water is none.
             RenderError: no context can be made here, or it does not know GLSL 3.30.
         """
+        self._gl_context: Any = None  # both are the base class's, and what `close` looks for
+        self._mjr_context: Any = None
+        self._passes: WaterPasses | None = None
         room = model.vis.global_
         if width > room.offwidth or height > room.offheight:
             raise ValueError(
                 f"the picture is {width} x {height} pixels and the model's offscreen buffer {room.offwidth} x "
                 f'{room.offheight}: give the model <visual><global offwidth="{width}" offheight="{height}"/></visual>'
             )
-        self._gl_context: Any = None  # both are the base class's, and what `close` looks for
-        self._mjr_context: Any = None
-        self._passes: WaterPasses | None = None
         check_type(
             "model", model, mujoco.MjModel, "give what mujoco.MjModel.from_xml_path(file) makes"
         )
@@ -160,6 +160,8 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         super().update_scene(data, camera, scene_option)
         if self._data is not data:
             self._brought = model_surface(self._model, data)
+        if self._brought is not None:
+            self._drop_triangles()
         self._usual = scene_option is None
         self._time, self._data = float(data.time), data
         self._bodies = self._ellipsoids.rows(data)
@@ -169,6 +171,13 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         )  # fmt: skip
         if self._surroundings is None and self._passes is not None:
             self._draw_static(data, self._passes)
+
+    def _drop_triangles(self) -> None:
+        """The plugin puts its surface into every scene as translucent triangles: here the water itself is drawn."""
+        kind = mujoco.mjtGeom.mjGEOM_TRIANGLE
+        for geom in self._scene.geoms[: self._scene.ngeom]:
+            if geom.type == kind and geom.objtype == mujoco.mjtObj.mjOBJ_UNKNOWN:
+                geom.type = mujoco.mjtGeom.mjGEOM_LABEL  # which has no body
 
     def render(self, *, out: npt.NDArray[Any] | None = None) -> npt.NDArray[Any]:
         """The picture, depth or segmentation, as `mujoco.Renderer.render`.
@@ -246,7 +255,7 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         sunk = self._standing.sunk
         for geom in self._scene.geoms[: self._scene.ngeom]:
             if geom.objtype != mujoco.mjtObj.mjOBJ_GEOM:
-                self._usual = False
+                self._usual &= geom.type == mujoco.mjtGeom.mjGEOM_LABEL
             elif above and geom.objid in sunk:
                 hidden.append((geom, geom.type, geom.matid, geom.size.copy()))
                 if geom.type == mujoco.mjtGeom.mjGEOM_PLANE:
