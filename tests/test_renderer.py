@@ -247,7 +247,9 @@ def boat():
 def test_ten_lines_of_a_users_own_draw_a_boat(tmp_path, monkeypatch):
     page = Path(__file__).parent.parent / "docs" / "drawing.md"
     (code,) = [
-        part.split("```")[0] for part in page.read_text().split("```python\n")[1:] if "boat" in part
+        part.split("```")[0]
+        for part in page.read_text().split("```python\n")[1:]
+        if "boat.xml" in part
     ]
     assert len(code.replace("\n\n", "\n").splitlines()) <= 10
     (tmp_path / "boat.xml").write_text(BOAT)
@@ -380,8 +382,22 @@ def test_a_sea_that_bodies_float_in_is_drawn_with_its_height():
 
     patch = patch_of(Swell(), focus=(3.04, 0.0), data=0.5)
     x = patch.origin[0] + patch.spacing * np.arange(len(patch.elevation))
-    np.testing.assert_allclose(patch.elevation[:, 7], 0.1 * np.sin(x - 0.5), atol=1e-6)
+    inside = np.abs(x - 3.0) < 10.0
+    row = patch.elevation[:, 160]
+    np.testing.assert_allclose(row[inside], 0.1 * np.sin(x - 0.5)[inside], atol=1e-6)
+    assert np.abs(row[[0, -1]]).max() == 0.0  # it fades: there is no step at its edge
+    assert np.abs(np.diff(row)).max() < 0.012
+    far = patch_of(Swell(), data=0.5, distance=40.0)
+    assert far.spacing == pytest.approx(0.4)
     assert np.abs(patch_of(Swell()).elevation).max() == 0.0  # without data it is nobody's
+
+
+def test_a_picture_larger_than_the_models_buffer_is_refused_with_the_remedy():
+    model = mujoco.MjModel.from_xml_string("<mujoco/>")
+    with pytest.raises(
+        ValueError, match=r'1920 x 1080 pixels.*<global offwidth="1920" offheight="1080"'
+    ):
+        mjskip.Renderer(model, 1080, 1920)
 
 
 def test_moving_water_that_a_model_brings_is_drawn_without_being_named():
@@ -400,8 +416,10 @@ def test_moving_water_that_a_model_brings_is_drawn_without_being_named():
         with mjskip.Renderer(model, 120, 160, water=water, linear=True) as renderer:
             renderer.update_scene(data, "above")
             pictures.append(renderer.render().astype(float))
-    np.testing.assert_array_equal(pictures[0], pictures[1])
-    assert np.abs(pictures[0] - pictures[2]).max() > 5.0
+    # a few pixels at the ball's edge are not the same in every renderer
+    alike, still = (np.abs(pictures[0] - other).max(axis=2) > 5.0 for other in pictures[1:])
+    assert np.mean(alike) < 0.03
+    assert np.mean(still) > 0.06
 
 
 def test_a_translucent_geom_over_the_water_does_not_vanish():

@@ -8,7 +8,7 @@ import pytest
 
 from mjskip import HeightField, Stone, Throw, Water, load_scene
 from mjskip.errors import MjskipWarning, SceneError
-from mjskip.throws.scene import shipped_scenes
+from mjskip.throws.scene import is_afloat, shipped_scenes
 
 BODY = '<body name="stone" pos="0 0 1"><freejoint/><geom type="box" size=".05 .05 .01"/></body>'
 
@@ -220,3 +220,25 @@ def test_plain_mujoco_loads_and_steps_the_first_scenes(name):
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data)
     assert np.isfinite(data.qpos).all()
+
+
+BUOYANT = """<mujoco><extension><plugin plugin="mjskip.water"><instance name="w">
+  <config key="preset" value="floating"/></instance></plugin></extension>
+  <custom>{}</custom>
+  <worldbody><camera name="mine" pos="0 -2 1"/><body name="raft" pos="0 0 .05"><freejoint/>
+  <geom type="box" size=".3 .2 .05" density="400"/><plugin instance="w"/></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("said", "afloat"),
+    [
+        ("", True),
+        ('<numeric name="mjskip.afloat" data="0"/>', False),
+        ('<numeric name="mjskip.speed" data="5"/>', False),
+    ],
+)
+def test_what_water_bears_floats_unless_a_throw_is_asked_for(tmp_path, said, afloat):
+    path = tmp_path / "raft.xml"
+    path.write_text(BUOYANT.format(said))
+    assert load_scene(path).afloat is afloat
+    assert is_afloat(path) is afloat

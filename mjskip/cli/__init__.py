@@ -13,7 +13,7 @@ import click
 from mjskip.errors import DivergedError, MjskipError, MjskipWarning
 
 COMMANDS = {
-    "run": "Throw the stone of a scene; print its skips, draw a video.",
+    "run": "Run a scene, a boat or a robot that floats or a stone that is thrown; draw a video.",
     "compare": "The same throw by MuJoCo and by the pure integrator, over a ladder of time steps.",
     "sweep": "Throws over a grid of parameters: most skips, where they skip, how surely.",
     "optimize": "The best throw within a thrower's limits, for a hand that scatters.",
@@ -51,7 +51,7 @@ class _Group(click.Group):
 @click.group(cls=_Group, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="mjskip")
 def cli() -> None:
-    """Skip stones on MuJoCo: a water surface for rigid bodies."""
+    """A water surface for MuJoCo: boats, robots, and stones that skip."""
 
 
 def main(

@@ -34,7 +34,7 @@ from mjskip.waves.recording import SurfaceFrames
 F = TypeVar("F", bound=Callable[..., Any])
 FILE = click.Path(path_type=Path)
 CAMERA = "side"
-"""The camera if none is named; a scene that is not drawn need not have it."""
+"""The camera if none is named and the scene has it."""
 
 TARGETS = ("video", "frames", "strip", "picture", "side_by_side")
 FILMING = (*TARGETS, *(field.name for field in fields(Shot)))
@@ -55,7 +55,9 @@ def film_options(function: F) -> F:
             help="Where --strip writes.  [default: strip.png]",
         ),
         click.option("--side-by-side", is_flag=True, help="Each of two stones in its own half."),
-        click.option("--camera", default=CAMERA, show_default=True, metavar="NAME"),
+        click.option(
+            "--camera", metavar="NAME", help=f"[default: {CAMERA}, or the scene's first]"
+        ),
         click.option("--size", type=Size(), default="640x480", show_default=True),
         click.option("--fps", type=float, default=30.0, show_default=True),
         click.option("--look", type=click.Choice(LOOKS), default="shaded", show_default=True),
@@ -112,9 +114,13 @@ def _draws(options: Mapping[str, Any]) -> bool:
     return any(options[name] is not None for name in ("video", "frames", "strip"))
 
 
-def check_stage(scene: Scene, options: Mapping[str, Any]) -> None:
-    """Refuse a camera that the scene lacks, and a duel without two stones."""
-    if _draws(options) or options["camera"] != CAMERA:
+def check_stage(scene: Scene, options: dict[str, Any]) -> None:
+    """Choose a camera if none is named; refuse one that the scene lacks, and a duel without two stones."""
+    named = options["camera"] is not None
+    if not named:
+        there = [scene.model.camera(k).name for k in range(scene.model.ncam)]
+        options["camera"] = next((name for name in there if name and CAMERA not in there), CAMERA)
+    if _draws(options) or named:
         check_camera(scene.model, options["camera"])
     if options["side_by_side"]:
         duel_of(scene, dict.fromkeys(scene.throws))  # type: ignore[arg-type]

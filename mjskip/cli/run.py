@@ -67,7 +67,11 @@ def run(
     as_json: bool,
     **options: Any,
 ) -> None:
-    """Throw the stone of SCENE (an MJCF file or a shipped scene) and count its skips."""
+    """Run SCENE (an MJCF file or a shipped scene): throw its stone and count the skips, or let float what floats.
+
+    A scene is afloat if its water bears (plugin with preset floating, or mjskip.buoyancy) and it says nothing
+    of a throw; mjskip.afloat in its <custom> decides otherwise.
+    """
     filming = {name: options.pop(name) for name in FILMING}
     check_film(filming)
     if save is not None:

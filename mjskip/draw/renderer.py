@@ -96,6 +96,12 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         self._gl_context: Any = None  # both are the base class's, and what `close` looks for
         self._mjr_context: Any = None
         self._passes: WaterPasses | None = None
+        room = model.vis.global_
+        if width > room.offwidth or height > room.offheight:
+            raise ValueError(
+                f"the picture is {width} x {height} pixels and the model's offscreen buffer {room.offwidth} x "
+                f'{room.offheight}: give the model <visual><global offwidth="{width}" offheight="{height}"/></visual>'
+            )
         check_type(
             "model", model, mujoco.MjModel, "give what mujoco.MjModel.from_xml_path(file) makes"
         )
@@ -154,6 +160,8 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         super().update_scene(data, camera, scene_option)
         if self._data is not data:
             self._brought = model_surface(self._model, data)
+        if self._brought is not None:
+            self._drop_triangles()
         self._usual = scene_option is None
         self._time, self._data = float(data.time), data
         self._bodies = self._ellipsoids.rows(data)
@@ -163,6 +171,13 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         )  # fmt: skip
         if self._surroundings is None and self._passes is not None:
             self._draw_static(data, self._passes)
+
+    def _drop_triangles(self) -> None:
+        """The plugin puts its surface into every scene as translucent triangles: here the water itself is drawn."""
+        kind = mujoco.mjtGeom.mjGEOM_TRIANGLE
+        for geom in self._scene.geoms[: self._scene.ngeom]:
+            if geom.type == kind and geom.objtype == mujoco.mjtObj.mjOBJ_UNKNOWN:
+                geom.type = mujoco.mjtGeom.mjGEOM_LABEL  # which has no body
 
     def render(self, *, out: npt.NDArray[Any] | None = None) -> npt.NDArray[Any]:
         """The picture, depth or segmentation, as `mujoco.Renderer.render`.
@@ -240,7 +255,7 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         sunk = self._standing.sunk
         for geom in self._scene.geoms[: self._scene.ngeom]:
             if geom.objtype != mujoco.mjtObj.mjOBJ_GEOM:
-                self._usual = False
+                self._usual &= geom.type == mujoco.mjtGeom.mjGEOM_LABEL
             elif above and geom.objid in sunk:
                 hidden.append((geom, geom.type, geom.matid, geom.size.copy()))
                 if geom.type == mujoco.mjtGeom.mjGEOM_PLANE:
@@ -291,11 +306,11 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         hidden, *special = (tiles.overlap(boxes, other) for other in others)
         return tiles.programs(water, whole, hidden, waves, *special)
 
-    def _patch(self, focus: tuple[float, float]) -> Patch:
+    def _patch(self, focus: tuple[float, float], distance: float = 0.0) -> Patch:
         """What is drawn of the water now."""
         return patch_of(
             self._brought if self.water is None else self.water, focus=focus, time=self._time, spacing=self._spacing, centre=self._centre,
-            data=self._data,
+            data=self._data, distance=distance,
         )  # fmt: skip
 
     def _draw_static(self, data: mujoco.MjData, passes: WaterPasses) -> None:
@@ -318,8 +333,8 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         """Hand the surface over, and fill in `water.glsl`'s View."""
         view = np.zeros((VIEW_ROWS, 4), np.float32)
         position, ahead = self._camera_rows(view)
-        focus = _looked_at(position, ahead)
-        patch = self._patch(focus)
+        focus, distance = _looked_at(position, ahead)
+        patch = self._patch(focus, distance)
         self._surface.fill(patch, blur=0.1 * self._depth)
         passes.put_surface(self._surface)
         # outer edge of the first cell
@@ -366,11 +381,11 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         return position, ahead
 
 
-def _looked_at(position: Array, ahead: Array) -> tuple[float, float]:
-    """Where a camera looks at the water (x, y) [m], not far from it."""
+def _looked_at(position: Array, ahead: Array) -> tuple[tuple[float, float], float]:
+    """Where a camera looks at the water (x, y), not far from it, and how far away what it looks at may be [m]."""
     away = -position[2] / ahead[2] if ahead[2] * position[2] < 0.0 else 3.0
     x, y, _ = position + min(away, 5.0) * ahead
-    return float(x), float(y)
+    return (float(x), float(y)), float(min(away, 5.0 * abs(position[2]) + 5.0))
 
 
 def _height_at(patch: Patch, position: Array) -> float:

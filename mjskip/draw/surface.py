@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
@@ -21,8 +22,14 @@ BORDER = 12
 WINDOW = 512
 """Cells a side of what is drawn of water without end."""
 
-SEA, SEA_STEP = 160, 0.1
-"""Cells a side, and their size [m], of what is drawn of a sea that a coupling gives the height of."""
+SEA, SEA_STEP = 320, 0.1
+"""Cells a side, and their size near the eye [m], of what is drawn of a sea that a coupling gives the height of."""
+
+SEA_CLOSE = 10.0
+"""Distance from which on cells of a sea become larger [m]."""
+
+SEA_FADE = 0.35
+"""Share of the half side of that square, at its edge, over which the sea fades into still water."""
 
 
 @runtime_checkable
@@ -65,6 +72,7 @@ def patch_of(
     water: Any,
     *,
     focus: tuple[float, float] = (0.0, 0.0),
+    distance: float = 0.0,
     time: float = 0.0,
     spacing: float | None = None,
     centre: tuple[float, float] = (0.0, 0.0),
@@ -77,6 +85,7 @@ def patch_of(
             anything else with its `window`; a recording, which is asked for its surface at a time;
             a coupling of bodies and water, which is asked for the height of its surface; a `WaterSurface`.
         focus: of water without end, the part about this point is drawn (x, y) [m].
+        distance: from the eye to there: a sea is drawn the coarser and the wider, the farther it is [m].
         time: of a recording [s].
         spacing: side of a cell of an array [m].
         centre: of an array (x, y) [m].
@@ -96,7 +105,7 @@ def patch_of(
     if callable(getattr(water, "grid_elevation", None)):  # a coupling, or the plugin's sea
         if data is None or water.surface is None:
             return STILL
-        return _patch_of_sea(lambda x, y: water.grid_elevation(data, x, y), focus)
+        return _patch_of_sea(lambda x, y: water.grid_elevation(data, x, y), focus, distance)
     endless = getattr(water, "boundary", None) in ("endless", "periodic")
     if isinstance(water, Surface) and not endless:
         return Patch(water.elevation, water.spacing, water.centre)
@@ -110,13 +119,18 @@ def patch_of(
     )
 
 
-def _patch_of_sea(heights: Callable[[Array, Array], Array], focus: tuple[float, float]) -> Patch:
-    """A sea that tells its height on a grid: the square about a point that is looked at."""
-    middle = tuple(SEA_STEP * round(at / SEA_STEP) for at in focus)  # whole steps: nothing shimmers
-    axis: Array = SEA_STEP * (np.arange(SEA, dtype=np.float64) - 0.5 * (SEA - 1))
+def _patch_of_sea(
+    heights: Callable[[Array, Array], Array], focus: tuple[float, float], distance: float
+) -> Patch:
+    """A sea that tells its height on a grid: the square about a point that is looked at from a distance [m]."""
+    step = SEA_STEP * 2.0 ** max(0, round(math.log2(max(distance, 1e-9) / SEA_CLOSE)))
+    middle = tuple(step * round(at / step) for at in focus)  # whole steps: nothing shimmers
+    axis: Array = step * (np.arange(SEA, dtype=np.float64) - 0.5 * (SEA - 1))
     east: Array = np.add(middle[0], axis)
     found = heights(east, np.add(middle[1], axis))
-    return Patch(found.astype(np.float32), SEA_STEP, (middle[0], middle[1]))
+    edge = np.clip((1.0 - np.abs(axis) / axis[-1]) / SEA_FADE, 0.0, 1.0)
+    fade = edge * edge * (3.0 - 2.0 * edge)
+    return Patch((fade[:, None] * fade * found).astype(np.float32), step, (middle[0], middle[1]))
 
 
 def _patch_of_array(

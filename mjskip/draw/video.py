@@ -56,7 +56,7 @@ def check_video_path(path: Path) -> None:
 
 def write_video(
     images: Iterable[Image],
-    path: Path,
+    path: str | Path,
     *,
     size: tuple[int, int],
     fps: float,
@@ -81,6 +81,7 @@ def write_video(
     Raises:
         RenderError: the encoder is missing or fails.
     """
+    path = Path(path)
     check_video_path(path)
     check_size(size)
     check_fps(fps)

@@ -8,7 +8,7 @@ Bodies that carry the engine plugin `mjskip.water` have their water from it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -144,8 +144,8 @@ class Scene:
         """
         if changes and self.afloat:
             raise ValueError(
-                f"{self.body!r} in {self.path} is afloat and not thrown: leave out {', '.join(changes)}, or take "
-                f"{PREFIX}{AFLOAT} out of the scene"
+                f"{self.body!r} in {self.path} is afloat and not thrown: leave out {', '.join(changes)}, or give the "
+                f'scene <numeric name="{PREFIX}{AFLOAT}" data="0"/> in its <custom>'
             )
         if changes and self.body in self.held:
             raise ValueError(
@@ -226,7 +226,7 @@ def load_scene(
             plugged=plugged,
             arm=arm,
             held=arm.held(model) & set(names),
-            afloat=settings.get(AFLOAT, False),
+            afloat=_is_afloat(settings, [*plugged.values()]),
         )
         scene.field()  # refuse bad settings of the water surface here, in a few milliseconds
     except ValueError as error:
@@ -248,6 +248,15 @@ def _plugged(model: mujoco.MjModel, file: Path, names: list[str]) -> dict[str, W
     return found
 
 
+def _is_afloat(settings: Mapping[str, Any], waters: Sequence[Water]) -> bool:
+    """As the scene says; without a word, whether its water bears and it says nothing of a throw."""
+    if AFLOAT in settings:
+        return bool(settings[AFLOAT])
+    said = {name.partition(".")[0] for name in settings}
+    bears = bool(waters) and all(water.buoyancy for water in waters)
+    return (bears or settings.get("buoyancy", False) is True) and not said & {*THROW, RELEASE[:-1]}
+
+
 def _with_prefix(settings: Mapping[str, Any], prefix: str) -> dict[str, Any]:
     return {k.removeprefix(prefix): v for k, v in settings.items() if k.startswith(prefix)}
 
@@ -258,8 +267,12 @@ def is_afloat(path: PathLike) -> bool:
         model = load_model(find_scene(path))
     except SceneError:
         return False
-    settings = (model.numeric(k) for k in range(model.nnumeric))
-    return any(one.name == PREFIX + AFLOAT and one.data[0] == 1.0 for one in settings)
+    names = [body_name(model, body) for body in free_bodies(model)]
+    try:
+        waters = _plugged(model, Path(path), names)
+        return _is_afloat(_settings(model, Path(path), names), [*waters.values()])
+    except SceneError:
+        return False
 
 
 def find_scene(path: PathLike) -> Path:
