@@ -419,6 +419,9 @@ def test_moving_water_that_a_model_brings_is_drawn_without_being_named():
             renderer._patch((0.0, 0.0)).elevation, level.astype(np.float32)
         )
         assert renderer.render().std() > 1.0
+        decor = [g for g in renderer.scene.geoms[: renderer.scene.ngeom] if g.objtype == 0]
+        assert len(decor) > 1000
+        assert {(g.objid, g.segid, g.category) for g in decor} == {(-1, -1, 4)}
         # the plugin's own triangles are not drawn beneath the drawn water
         kinds = {int(geom.type) for geom in renderer.scene.geoms[: renderer.scene.ngeom]}
         assert int(mujoco.mjtGeom.mjGEOM_TRIANGLE) not in kinds

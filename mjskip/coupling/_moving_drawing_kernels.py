@@ -31,6 +31,9 @@ from mjskip.coupling._struct_layout import library
 from mjskip.waves import _window_kernels as window
 
 GEOM_TRIANGLE, GEOM_ARROW = 108, 100  # mjtGeom
+DATAID, OBJID, CATEGORY, MATID, TEXID, SEGID = 1, 3, 4, 5, 6, 9
+"""Places of whole numbers at the beginning of an mjvGeom."""
+DECOR = 4  # mjtCatBit
 
 binding.add_symbol("mjv_initGeom", ctypes.cast(library.mjv_initGeom, ctypes.c_void_p).value)
 i4, i8 = types.int32, types.int64
@@ -67,6 +70,11 @@ def _next_geom(table: Any, scene: int) -> Any:
         return 0
     geom = as_words(scene + table[plugin.SCENE_GEOMS])[0] + table[plugin.GEOM_BYTES] * count[0]
     count[0] += 1
+    numbers = as_ints(geom)
+    for n in range(table[plugin.GEOM_BYTES] // 4):  # mjv_initGeom leaves some as the memory was
+        numbers[n] = 0
+    numbers[DATAID] = numbers[OBJID] = numbers[MATID] = numbers[TEXID] = numbers[SEGID] = -1
+    numbers[CATEGORY] = DECOR
     return geom
 
 
