@@ -207,7 +207,8 @@ def wave_energy(level, after, field, timestep):
 @pytest.mark.parametrize(
     "start",
     [
-        skipping(DISC), skipping(DISC, speed=2.0, descent=80, attack=0), dropped(DISC, 3.0),
+        pytest.param(skipping(DISC), marks=pytest.mark.slow),
+        skipping(DISC, speed=2.0, descent=80, attack=0), dropped(DISC, 3.0),
         dropped(Stone.disc(0.05, 0.02, density=50.0), 4.0), skipping(Stone.pebble(), speed=12.0),
     ],
     ids=["skip", "plunge", "slap", "cork", "pebble"],

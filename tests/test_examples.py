@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
-SLOW = {"learn_to_skip", "sweep_on_dask"}
+SLOW = {"learn_to_skip", "sweep_on_dask", "identify_stone", "touch_sensitivity"}
 """Those that take minutes or start a cluster."""
 
 

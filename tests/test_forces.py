@@ -469,7 +469,7 @@ def test_the_immersed_part_of_any_triangle_however_thin(corners):
     if fraction > 0.0:
         assert (np.array(centroid) <= triangle.max(axis=0) + 1e-12).all()
         assert (np.array(centroid) >= triangle.min(axis=0) - 1e-12).all()
-        assert centroid[2] <= 0.0
+        assert centroid[2] <= 1e-15  # rounding of corners of unit size
 
 
 @pytest.mark.parametrize(

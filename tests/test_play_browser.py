@@ -157,6 +157,7 @@ def test_a_throw_from_the_page_is_the_servers_throw_and_stays_in_its_tab(lake, n
         assert all(one.thrown is None for one in playground.tabs.values())
 
 
+@pytest.mark.slow
 def test_a_page_outlives_a_server_that_is_killed_mid_throw(new_page):
     """The page says that it lost its server, finds the next one at the same place, and throws again."""
     with socket.socket() as free:

@@ -73,7 +73,9 @@ def test_an_interrupted_video_leaves_nothing_and_spares_the_old_one(tmp_path, ca
 
 def test_an_encoder_that_fails_is_reported_in_one_line(tmp_path, monkeypatch):
     monkeypatch.setattr(video, "ffmpeg", lambda: "/bin/false")
-    with pytest.raises(RenderError, match=r"^the video encoder failed: .+$"):
+    with pytest.raises(
+        RenderError, match=r"^\S+throw.mp4 cannot be written, the video encoder failed: .+$"
+    ):
         render.render_video(small(), flight(), tmp_path / "throw.mp4", size=SMALL)
     assert list(tmp_path.iterdir()) == []
 

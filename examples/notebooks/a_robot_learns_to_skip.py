@@ -58,7 +58,7 @@ def throw(numbers: np.ndarray, *, film: bool = False) -> tuple[float, dict, list
 # Every generation throws 16 movements, and draws the next 16 nearer to the better half.
 
 # %%
-GENERATIONS = 16
+GENERATIONS = 12
 search = cma.CMAEvolutionStrategy(np.zeros(13), 0.4, {"seed": 1, "popsize": 16, "verbose": -9})
 skips, best, most = [], None, -np.inf
 for _ in range(GENERATIONS):

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 UNITS = "degrees for angles, rev/s for spin and wobble, SI for the rest"
 
 
+# Over 80 lines: one parameter for each option of the command.
 @click.command(
     epilog=f"Parameters of throws: {', '.join(PARAMETERS)}; {UNITS}. Where nothing is thrown: the water's, sea_hs, sea_tp "
     "and the like, x, y, z, roll, pitch, yaw, mass, keyframe, ctrl_ACTUATOR; results are sensors and "

@@ -496,6 +496,7 @@ def _offset(surface: Any, state: Any, pose: Any) -> tuple[float, float]:
     return x, y
 
 
+# Over 80 lines: the terms of one equation share a dozen locals, and its docstring states it.
 @kernel
 def body_force(
     surface: Any, body: Any, state: Any, slot: int, pose: Any, time: float, keep: bool, parts: Any,

@@ -260,6 +260,7 @@ def _column_basis(table: Complex) -> Complex:
     return basis
 
 
+# Over 80 lines: the docstring names what the dataset holds.
 def coefficients(
     bodies: Sequence[FloatingBody],
     omega: npt.ArrayLike,

@@ -96,6 +96,7 @@ class Best:
         return f"Best({self.throw}, {self.goal} {self.mean:.3g} on average)"
 
 
+# Over 80 lines: checks of eleven options, then one search whose state is local to it.
 def optimize(
     stone: Stone,
     ranges: Mapping[str, tuple[float, float]],

@@ -73,6 +73,7 @@ def simulate(
     )[scene.body]  # fmt: skip
 
 
+# Over 80 lines: the docstring explains every option; what follows is the order in which a run is put together.
 def simulate_all(
     scene: Scene | PathLike = "lake",
     throw: Throw | None = None,

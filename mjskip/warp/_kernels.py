@@ -166,6 +166,7 @@ def motion_of(
     return out
 
 
+# Over 80 lines: Warp's functions return few values, so that the sums over faces stay where they are made.
 @wp.kernel
 def wet_wrench(
     # bodies and triangles

@@ -80,6 +80,7 @@ def _level_at(level: Any, east: float, north: float) -> float:
     return found
 
 
+# Over 80 lines: one pass over the faces fills one row of ten columns; helpers would pass them all.
 @kernel
 def find_faces(
     block: Any, state: Any, frame: Any, level: Any, body: int, faces: Any, count: int

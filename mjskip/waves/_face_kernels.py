@@ -84,6 +84,7 @@ def elevation(frame: Any, level: Any, x: float, y: float) -> float:
     return found
 
 
+# Over 80 lines: one pass over the faces fills one row of many columns; helpers would pass them all.
 @kernel
 def find_wet_faces(
     block: Any, vertices: Any, corners: Any, panels: Any, state: Any, frame: Any, level: Any,

@@ -124,6 +124,7 @@ def column_sum(typingctx: Any, below: Any, here: Any, above: Any) -> Any:
     return types.float32(types.float32, types.float32, types.float32), codegen
 
 
+# Over 80 lines: it holds its code generator, which writes one loop for LLVM.
 @intrinsic
 def step_rows(
     typingctx: Any, z: Any, starts: Any, out: Any, n: Any, left: Any, right: Any, q: Any, sixth: Any
