@@ -8,8 +8,10 @@ import shutil
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from itertools import pairwise
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -185,3 +187,22 @@ def test_the_water_of_the_viewer_gets_what_the_stone_took(lake):
     # the impulse of the touch, worked out by the run from the same forces at the same steps; the sums
     # begin a step apart
     assert sum(given) == pytest.approx(touch.impulse[2], rel=0.01)
+
+
+def test_the_viewers_water_is_the_sea_that_acts_on_what_floats():
+    scene = load_scene("boat_in_swell")
+    grid = Grid.around(step=0.05)
+    spec = mujoco.MjSpec.from_file(str(scene.path))
+    add_water(spec, grid)
+    scene = replace(scene, model=spec.compile())
+    timestep = float(scene.model.opt.timestep)
+    with MujocoEngine(scene, None, timestep, frozen_attitude=False) as engine:
+        show = _Show(scene, engine, "still", grid)
+        show.advance(100)
+        show.draw()
+        vertices = show._bound.skinvert
+        away = np.linalg.norm(vertices[:, :2] - [0.0, 2.0], axis=1)
+        x, y, z = vertices[np.argmin(away)]
+        felt = engine.surface().elevation(engine.data, [[x, y]])[0]
+    assert abs(felt) > 3e-3
+    assert z == pytest.approx(felt, abs=2e-3)

@@ -18,7 +18,7 @@ import numpy as np
 
 from mjskip.coupling.bodies import find_body
 from mjskip.draw.skin import Grid, WaterSkin, add_water
-from mjskip.draw.surface import Patch
+from mjskip.draw.surface import Patch, patch_of
 from mjskip.errors import RenderError
 from mjskip.throws.engines import MujocoEngine
 from mjskip.throws.run import Run
@@ -157,6 +157,7 @@ class _Show:
         # the viewer draws a skin from where the model says its vertices are bound
         bound = engine.model.skin_vert
         self._bound = SimpleNamespace(skinvert=bound, skinnormal=np.empty_like(bound))
+        self._sea = engine.surface()
         self.run = self._new_run()
 
     def throw_again(self) -> None:
@@ -175,11 +176,14 @@ class _Show:
         """Write the water into the skin."""
         mujoco.mj_forward(self.engine.model, self.engine.data)
         x, y, _ = self.engine.data.xipos[find_body(self.engine.model, self.body)]
-        water = self.run.show()
-        shape = tuple(int(size / water.spacing) for size in WINDOW)
-        heights, at_x, at_y = water.window(float(x), float(y), (shape[0], shape[1]))
-        middle = float(at_x[[0, -1]].mean()), float(at_y[[0, -1]].mean())
-        patch = Patch(heights, water.spacing, middle)
+        if self._sea is not None:
+            patch = patch_of(self._sea, focus=(float(x), float(y)), data=self.engine.data)
+        else:
+            water = self.run.show()
+            shape = tuple(int(size / water.spacing) for size in WINDOW)
+            heights, at_x, at_y = water.window(float(x), float(y), (shape[0], shape[1]))
+            middle = float(at_x[[0, -1]].mean()), float(at_y[[0, -1]].mean())
+            patch = Patch(heights, water.spacing, middle)
         self._skin.draw(self._bound, patch, focus=(float(x), float(y)))
 
     def _new_run(self) -> Run:
