@@ -9,6 +9,7 @@ from conftest import hulls, immersed, meshes, motions, rotation, stones, twin
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
 
 from mjskip import Stone, Water, wrench
 from mjskip._compile.vector import log10
@@ -504,3 +505,20 @@ def test_an_unknown_gate_or_law_is_refused_with_those_there_are():
         Water(gate="none")
     with pytest.raises(ValueError, match="law is 'newton': use one of lee2010, "):
         Water(law="newton")
+
+
+def test_a_disc_of_many_faces_that_surface_and_waterline_mix_stays_within_its_room():
+    """Faces that are cut and whole ones alternate along a 256-gon at the waterline: every place is used."""
+    stone = Stone.disc(0.025, 0.00275, density=2700.0, segments=256)
+    coarse = Stone.disc(0.025, 0.00275, density=2700.0, segments=128)
+    rng = np.random.default_rng(1)
+    for _ in range(300):
+        motion = {
+            "position": (0.0, 0.0, rng.uniform(-0.01, 0.01)),
+            "q": Rotation.random(rng=rng).as_quat(scalar_first=True),
+            "velocity": rng.normal(size=3),
+            "omega": 30.0 * rng.normal(size=3),
+        }
+        fine = wrench(stone, Water.floating(), **motion).force
+        other = wrench(coarse, Water.floating(), **motion).force
+        np.testing.assert_allclose(fine, other, atol=0.02 * np.linalg.norm(other) + 0.01)

@@ -185,7 +185,8 @@ def _add_faces(block: Any, state: Any, motion: Any, patch: Any, sums: Any) -> No
             found, many = collect(
                 block, motion, first, count, weight, pieces, found, cuts, many, sums
             )
-        if found + many + RUN > PIECES - WIDTH or many + RUN > CUTS - WIDTH:
+        # eight faces may fill eight places of whole ones and be cut but for one of them as well
+        if found + many + 2 * RUN > PIECES - WIDTH or many + RUN > CUTS - WIDTH:
             cut_faces(motion, weight, cuts, many, place_of(pieces, found), sums)
             _add_pieces(block, motion, patch, pieces, found + many, sums)
             found = many = 0
