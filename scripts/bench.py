@@ -91,7 +91,7 @@ PARTS: dict[str, Callable[[], dict[str, Any]] | str] = {
     "drawing": "bench_draw",
     "plugin": "bench_plugin",
     "sweep": "bench_sweep",
-    "twoway": "bench_twoway",
+    "twoway": "bench_coupled",
 }
 """Parts with a file of their own have a function `bench()` there."""
 

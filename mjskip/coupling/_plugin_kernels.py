@@ -41,8 +41,10 @@ from mjskip._compile.pointers import (
 )
 from mjskip.coupling._record_kernels import BLOCK, NEEDED_STEP, SCRATCH, body_state, wet_load
 from mjskip.coupling._table_kernels import (
+    add_generalised_force,
     doubles,
     ints,
+    last_dof,
     look_up_and_stamp,
     mj_warning,
     mju_error,
@@ -436,18 +438,10 @@ def push(table: Any, model: int, data: int, body: int, scratch: int) -> None:
     ty = wrench[4] + wrench[10] + (rz * fx - rx * fz)
     tz = wrench[5] + wrench[11] + (rx * fy - ry * fx)
     count, parent = ints(table, model, BODY_DOFNUM), ints(table, model, BODY_PARENTID)
-    while body > 0 and count[body] == 0:
-        body = parent[body]
-    dof = ints(table, model, BODY_DOFADR)[body] + count[body] - 1 if body > 0 else -1
+    dof = last_dof(count, parent, ints(table, model, BODY_DOFADR), body)
     above, axis = ints(table, model, DOF_PARENTID), doubles(table, data, CDOF)
     out = doubles(table, data, QFRC_PASSIVE)
-    while dof >= 0:
-        k = 6 * dof
-        out[dof] += (
-            axis[k] * tx + axis[k + 1] * ty + axis[k + 2] * tz
-            + axis[k + 3] * fx + axis[k + 4] * fy + axis[k + 5] * fz
-        )  # fmt: skip
-        dof = above[dof]
+    add_generalised_force(dof, above, axis, out, fx, fy, fz, tx, ty, tz)
 
 
 @kernel

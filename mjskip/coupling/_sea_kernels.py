@@ -40,8 +40,10 @@ from mjskip.coupling._struct_layout import library
 from mjskip.coupling._table_kernels import (
     PAIRS,
     SLOTS,
+    add_generalised_force,
     doubles,
     ints,
+    last_dof,
     look_up,
     mj_warning,
     mju_error,
@@ -148,9 +150,7 @@ def _pose(table: Any, model: int, data: int, body: int, record: Any, state: Any)
 def _last_dof(table: Any, model: int, body: int) -> int:
     """The last degree of freedom that moves a body, -1 if there is none."""
     count, parent = ints(table, model, BODY_DOFNUM), ints(table, model, BODY_PARENTID)
-    while body > 0 and count[body] == 0:
-        body = parent[body]
-    return ints(table, model, BODY_DOFADR)[body] + count[body] - 1 if body > 0 else -1
+    return last_dof(count, parent, ints(table, model, BODY_DOFADR), body)
 
 
 @kernel
@@ -166,13 +166,7 @@ def _push(table: Any, model: int, data: int, body: int, pose: Any, load: Any) ->
     dof = _last_dof(table, model, body)
     above, axis = ints(table, model, DOF_PARENTID), doubles(table, data, CDOF)
     out = doubles(table, data, QFRC_PASSIVE)
-    while dof >= 0:
-        k = 6 * dof
-        out[dof] += (
-            axis[k] * tx + axis[k + 1] * ty + axis[k + 2] * tz
-            + axis[k + 3] * fx + axis[k + 4] * fy + axis[k + 5] * fz
-        )  # fmt: skip
-        dof = above[dof]
+    add_generalised_force(dof, above, axis, out, fx, fy, fz, tx, ty, tz)
 
 
 @kernel

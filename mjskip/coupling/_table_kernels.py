@@ -36,29 +36,60 @@ def doubles(table: Any, owner: int, member: int) -> Any:
 
 
 @kernel
-def look_up(address: int, key: int, otherwise: int) -> Any:
-    """The value of a key in the table at an address, or another one."""
-    words = as_words(address)
+def _pair_of(words: Any, key: int) -> int:
+    """The slot of a key in a table, -1 if it is not there."""
     slots = words[SLOTS]
     k = key & (slots - 1)
     while words[PAIRS + 2 * k] != key:
         if words[PAIRS + 2 * k] == 0:
-            return otherwise
+            return -1
         k = (k + 1) & (slots - 1)
-    return words[PAIRS + 2 * k + 1]
+    return int(k)
+
+
+@kernel
+def look_up(address: int, key: int, otherwise: int) -> Any:
+    """The value of a key in the table at an address, or another one."""
+    words = as_words(address)
+    k = _pair_of(words, key)
+    return words[PAIRS + 2 * k + 1] if k >= 0 else otherwise
 
 
 @kernel
 def look_up_and_stamp(address: int, key: int, otherwise: int) -> Any:
     """The same in a stamped table; the slot is stamped."""
     words = as_words(address)
+    k = _pair_of(words, key)
+    if k < 0:
+        return otherwise
     slots = words[SLOTS]
-    k = key & (slots - 1)
-    while words[PAIRS + 2 * k] != key:
-        if words[PAIRS + 2 * k] == 0:
-            return otherwise
-        k = (k + 1) & (slots - 1)
     stamp, now = PAIRS + 2 * slots + k, words[PAIRS + 3 * slots]
     if words[stamp] != now:
         words[stamp] = now
     return words[PAIRS + 2 * k + 1]
+
+
+@kernel
+def last_dof(count: Any, parent: Any, first: Any, body: int) -> int:
+    """The last degree of freedom that moves a body, -1 if there is none; of body_dofnum, -parentid, -dofadr."""
+    while body > 0 and count[body] == 0:
+        body = parent[body]
+    return first[body] + count[body] - 1 if body > 0 else -1
+
+
+@kernel
+def add_generalised_force(
+    dof: int, above: Any, axis: Any, out: Any,
+    fx: float, fy: float, fz: float, tx: float, ty: float, tz: float,
+) -> None:  # fmt: skip
+    """out += J'w: force, and torque about the tree's centre of mass, on a degree of freedom and all above it.
+
+    `above` is dof_parentid, `axis` cdof.
+    """
+    while dof >= 0:
+        k = 6 * dof
+        out[dof] += (
+            axis[k] * tx + axis[k + 1] * ty + axis[k + 2] * tz
+            + axis[k + 3] * fx + axis[k + 4] * fy + axis[k + 5] * fz
+        )  # fmt: skip
+        dof = above[dof]

@@ -84,6 +84,11 @@ class FloatingHull:
     place: Array
 
 
+def smooth_step(share: Array) -> Array:
+    """From 0 to 1 with level ends, of shares from 0 to 1."""
+    return np.asarray(share * share * (3.0 - 2.0 * share))
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SeaSurface:
     """A surface with its bodies, prepared.
@@ -162,7 +167,7 @@ class SeaSurface:
         """Share of the bodies' waves that is shown at places (..., 2) relative to the origin [m]."""
         away = np.linalg.norm(relative, axis=-1) / self.modes.reach
         share = np.clip((FADE_RANGE - away) / (FADE_RANGE - 1.0), 0.0, 1.0)
-        return np.asarray(share * share * (3.0 - 2.0 * share))
+        return smooth_step(share)
 
 
 FADE_RANGE = 2.0

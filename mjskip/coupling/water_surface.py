@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import fields
-from typing import Any
+from typing import Any, Protocol
 
 import mujoco
 import numpy as np
@@ -17,7 +17,7 @@ from mjskip.coupling import _moving_kernels as moving
 from mjskip.coupling.moving_water import MovingWater, SurfaceKind
 from mjskip.coupling.plugin import plugin_surface, register_plugin
 from mjskip.coupling.plugin_keys import NAME, instance_options, plugin_instances
-from mjskip.coupling.sea import SeaSurface, plugin_state
+from mjskip.coupling.sea import SeaSurface, plugin_state, smooth_step
 from mjskip.errors import SceneError
 from mjskip.hydro.seas import Sea
 from mjskip.hydro.water import Water
@@ -244,6 +244,29 @@ class PluginSea:
         """The same at the points of a grid with axes x (nx,) and y (ny,) [m], quickly: (nx, ny) [m]."""
         state = plugin_state(self._model, data, self._instance)
         return self.surface.grid_elevation(state, x, y)
+
+
+SQUARE, SQUARE_SPACING = 320, 0.1
+"""Cells a side, and their size [m], of the square of a sea that pictures show."""
+
+FADE = 0.35
+"""Share of its half side, at its edge, over which that square fades into still water."""
+
+
+class GridElevation(Protocol):
+    """A sea that gives its height on a grid: a `Coupling` or a `PluginSea`."""
+
+    def grid_elevation(self, data: mujoco.MjData, x: Array, y: Array) -> Array:
+        """Height at the points of a grid with axes x (nx,) and y (ny,) [m]: (nx, ny) [m]."""
+
+
+def sea_square(sea: GridElevation, data: mujoco.MjData, x: Array, y: Array) -> Array:
+    """Height of a sea on a grid with equal steps, axes x (nx,) and y (ny,) [m], still at its edges: (nx, ny) [m]."""
+    fade_x, fade_y = (
+        smooth_step(np.clip((1.0 - np.abs(np.linspace(-1.0, 1.0, len(axis)))) / FADE, 0.0, 1.0))
+        for axis in (x, y)
+    )
+    return np.asarray(fade_x[:, None] * fade_y * sea.grid_elevation(data, x, y))
 
 
 def model_surface(model: mujoco.MjModel, data: mujoco.MjData) -> WaterSurface | PluginSea | None:

@@ -275,7 +275,7 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         """Translucent geoms are drawn opaque: MuJoCo gives them no depth, and the water would cover them."""
         changed = []
         for geom in self._scene.geoms[: self._scene.ngeom]:
-            if 0.0 < geom.rgba[3] < 1.0 and geom.objtype == mujoco.mjtObj.mjOBJ_GEOM:
+            if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM and 0.0 < geom.rgba[3] < 1.0:
                 changed.append((geom, float(geom.rgba[3]), geom.transparent))
                 geom.rgba[3], geom.transparent = 1.0, 0
         try:

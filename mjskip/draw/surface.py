@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
 
 from mjskip._typing import Array, SingleArray
-from mjskip.coupling.water_surface import WaterSurface
+from mjskip.coupling.water_surface import (
+    SQUARE,
+    SQUARE_SPACING,
+    GridElevation,
+    WaterSurface,
+    sea_square,
+)
 from mjskip.draw._draw_kernels import fill_surface
 
 BLOCK = 16
@@ -22,14 +27,8 @@ BORDER = 12
 WINDOW = 512
 """Cells a side of what is drawn of water without end."""
 
-SEA, SEA_STEP = 320, 0.1
-"""Cells a side, and their size near the eye [m], of what is drawn of a sea that a coupling gives the height of."""
-
 SEA_CLOSE = 10.0
 """Distance from which on cells of a sea become larger [m]."""
-
-SEA_FADE = 0.35
-"""Share of the half side of that square, at its edge, over which the sea fades into still water."""
 
 
 @runtime_checkable
@@ -105,7 +104,7 @@ def patch_of(
     if callable(getattr(water, "grid_elevation", None)):  # a coupling, or the plugin's sea
         if data is None or water.surface is None:
             return STILL
-        return _patch_of_sea(lambda x, y: water.grid_elevation(data, x, y), focus, distance)
+        return _patch_of_sea(water, data, focus, distance)
     endless = getattr(water, "boundary", None) in ("endless", "periodic")
     if isinstance(water, Surface) and not endless:
         return Patch(water.elevation, water.spacing, water.centre)
@@ -120,17 +119,14 @@ def patch_of(
 
 
 def _patch_of_sea(
-    heights: Callable[[Array, Array], Array], focus: tuple[float, float], distance: float
+    sea: GridElevation, data: Any, focus: tuple[float, float], distance: float
 ) -> Patch:
-    """A sea that tells its height on a grid: the square about a point that is looked at from a distance [m]."""
-    step = SEA_STEP * 2.0 ** max(0, round(math.log2(max(distance, 1e-9) / SEA_CLOSE)))
+    """A sea: the square about a point that is looked at from a distance [m]."""
+    step = SQUARE_SPACING * 2.0 ** max(0, round(math.log2(max(distance, 1e-9) / SEA_CLOSE)))
     middle = tuple(step * round(at / step) for at in focus)  # whole steps: nothing shimmers
-    axis: Array = step * (np.arange(SEA, dtype=np.float64) - 0.5 * (SEA - 1))
-    east: Array = np.add(middle[0], axis)
-    found = heights(east, np.add(middle[1], axis))
-    edge = np.clip((1.0 - np.abs(axis) / axis[-1]) / SEA_FADE, 0.0, 1.0)
-    fade = edge * edge * (3.0 - 2.0 * edge)
-    return Patch((fade[:, None] * fade * found).astype(np.float32), step, (middle[0], middle[1]))
+    axis: Array = step * (np.arange(SQUARE, dtype=np.float64) - 0.5 * (SQUARE - 1))
+    found = sea_square(sea, data, np.add(middle[0], axis), np.add(middle[1], axis))
+    return Patch(found.astype(np.float32), step, (middle[0], middle[1]))
 
 
 def _patch_of_array(

@@ -95,6 +95,17 @@ def phases(
 
 
 @kernel
+def _phases_at(surface: Any, x: float, y: float, cosine: Any, sine: Any) -> None:
+    """`phases` of a surface's waves."""
+    waves, w = int(surface[WAVES]), int(surface[AT_WAVES])
+    phases(
+        surface[w : w + waves], surface[w + waves : w + 2 * waves],
+        surface[w + 2 * waves : w + 3 * waves], surface[w + 3 * waves : w + 4 * waves],
+        x, y, cosine, sine,
+    )  # fmt: skip
+
+
+@kernel
 def heading(body: Any, pose: Any) -> float:
     """Heading of a body: the turn about the vertical that brings its pose at rest nearest to its pose [rad]."""
     a = b = c = d = 0.0
@@ -521,7 +532,6 @@ def body_force(
         How much of the hull takes part in radiation: 1, less when it is nearly out of the water, 0 when it is.
     """
     waves, count = int(surface[WAVES]), int(surface[KNOWN])
-    w = int(surface[AT_WAVES])
     yaw = heading(body, pose)
     x, y = _offset(surface, state, pose)
     cosine, sine = scratch[:waves], scratch[waves : 2 * waves]
@@ -555,11 +565,7 @@ def body_force(
     if x == 0.0 and y == 0.0:
         real[:], imag[:] = re, im
     else:
-        phases(
-            surface[w : w + waves], surface[w + waves : w + 2 * waves],
-            surface[w + 2 * waves : w + 3 * waves], surface[w + 3 * waves : w + 4 * waves],
-            x, y, cosine, sine,
-        )  # fmt: skip
+        _phases_at(surface, x, y, cosine, sine)
         for n in range(waves):
             real[n] = re[n] * cosine[n] - im[n] * sine[n]
             imag[n] = re[n] * sine[n] + im[n] * cosine[n]
@@ -596,7 +602,6 @@ def push_waves(
 ) -> None:  # fmt: skip
     """What a body gives to the surface in a step that ends now, added to `added` (2 waves,); weight of `body_force`."""
     waves = int(surface[WAVES])
-    w = int(surface[AT_WAVES])
     yaw = heading(body, pose)
     x, y = _offset(surface, state, pose)
     cosine, sine = scratch[:waves], scratch[waves : 2 * waves]
@@ -620,11 +625,7 @@ def push_waves(
     turns = body[int(body[AT_TURNS]) : int(body[AT_ROWS])]
     scatter(harmonics, first, parts[0], parts[1], parts[2], turns, yaw, real, imag)
     if x != 0.0 or y != 0.0:
-        phases(
-            surface[w : w + waves], surface[w + waves : w + 2 * waves],
-            surface[w + 2 * waves : w + 3 * waves], surface[w + 3 * waves : w + 4 * waves],
-            -x, -y, cosine, sine,
-        )  # fmt: skip
+        _phases_at(surface, -x, -y, cosine, sine)
         for n in range(waves):
             added[n] += real[n] * cosine[n] - imag[n] * sine[n]
             added[waves + n] += real[n] * sine[n] + imag[n] * cosine[n]
@@ -657,11 +658,7 @@ def step_waves(
     move_x, move_y = x - state[ORIGIN_X], y - state[ORIGIN_Y]
     if move_x != 0.0 or move_y != 0.0:
         cosine, sine = scratch[:waves], scratch[waves : 2 * waves]
-        phases(
-            surface[w : w + waves], surface[w + waves : w + 2 * waves],
-            surface[w + 2 * waves : w + 3 * waves], surface[w + 3 * waves : w + 4 * waves],
-            move_x, move_y, cosine, sine,
-        )  # fmt: skip
+        _phases_at(surface, move_x, move_y, cosine, sine)
         for n in range(waves):
             a, b = real[n], imag[n]
             real[n] = a * cosine[n] - b * sine[n]

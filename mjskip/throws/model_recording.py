@@ -7,15 +7,15 @@ import numpy as np
 
 from mjskip._typing import Array
 from mjskip.coupling.attach import Coupling
-from mjskip.coupling.water_surface import PluginSea, WaterSurface
+from mjskip.coupling.water_surface import (
+    SQUARE,
+    SQUARE_SPACING,
+    PluginSea,
+    WaterSurface,
+    sea_square,
+)
 from mjskip.waves.field import HeightField
 from mjskip.waves.recording import SurfaceFrames, SurfaceRecorder, SurfaceRecording
-
-CELLS, SPACING = 320, 0.1
-"""Cells a side, and their size [m], of what is recorded of a sea about the place where the run begins."""
-
-FADE = 0.35
-"""Share of the half side, at the edge, over which a sea that is recorded fades into still water."""
 
 WINDOW = 512
 """Cells a side of what is recorded of a square of water that follows the bodies."""
@@ -71,7 +71,7 @@ def _field_of(
     surface: WaterSurface | PluginSea | Coupling, middle: tuple[float, float]
 ) -> HeightField:
     """A still field with the cells that are kept; places of cells are whole steps for a `WaterSurface`."""
-    spacing, cells = SPACING, CELLS
+    spacing, cells = SQUARE_SPACING, SQUARE
     if isinstance(surface, WaterSurface):
         spacing, cells = surface.spacing, WINDOW
     x, y = (spacing * (round(at / spacing) + 0.5) for at in middle)
@@ -86,10 +86,7 @@ def _heights(
     cells: list[Array] = [np.arange(n, dtype=np.float64) - 0.5 * (n - 1) for n in field.shape]
     axes = [at + field.spacing * cell for at, cell in zip(field.centre, cells, strict=True)]
     if not isinstance(surface, WaterSurface):
-        edges = [np.clip((1.0 - np.abs(cell) / cell[-1]) / FADE, 0.0, 1.0) for cell in cells]
-        fades = [edge * edge * (3.0 - 2.0 * edge) for edge in edges]
-        found = surface.grid_elevation(data, axes[0], axes[1])
-        return np.asarray(fades[0][:, None] * fades[1] * found)
+        return sea_square(surface, data, axes[0], axes[1])
     heights = np.zeros(field.shape)
     first = [
         round((o - axis[0]) / field.spacing) for o, axis in zip(surface.origin, axes, strict=True)

@@ -1,6 +1,6 @@
 """What does two-way water cost? Ratios and shares of processor time, one core.
 
-    python scripts/bench_twoway.py
+    python scripts/bench_coupled.py
 
 The default throw and `duel` over waves at their own step, against the same throw over still water and against bare
 engine steps made in turns; and how many calls of Python functions a throw makes. A minute.
