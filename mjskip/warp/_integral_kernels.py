@@ -13,7 +13,7 @@ import math
 
 import warp as wp
 
-from mjskip.warp._kernels import Motion, WetBody, motion_of
+from mjskip.warp._kernels import Motion, WetBody, motion_of, ordered
 
 wp.set_module_options({"enable_backward": False})  # its loops would have wrong adjoints
 
@@ -71,10 +71,11 @@ class Part:
 @wp.func
 def part_below(a0: wp.vec3, ha0: float, b0: wp.vec3, hb0: float, c0: wp.vec3, hc0: float) -> Part:
     """The part of a triangle on which h, linear over it, is negative."""
-    a, b, c = a0, b0, c0
-    ha, hb, hc = ha0, hb0, hc0
+    turned = ordered(a0, ha0, b0, hb0, c0, hc0)
+    a, b, c = turned.a, turned.b, turned.c
+    ha, hb, hc = turned.ha, turned.hb, turned.hc
     out = Part()
-    below = wp.where(ha < 0.0, 1, 0) + wp.where(hb < 0.0, 1, 0) + wp.where(hc < 0.0, 1, 0)
+    below = turned.below
     if below == 3:
         out.count = 3
         out.a = a
@@ -82,12 +83,6 @@ def part_below(a0: wp.vec3, ha0: float, b0: wp.vec3, hb0: float, c0: wp.vec3, hc
         out.c = c
     elif below > 0:
         odd = below == 1
-        if (hb < 0.0) == odd:  # turn it so that the only wet, or the only dry, corner is a
-            a, b, c = b0, c0, a0
-            ha, hb, hc = hb0, hc0, ha0
-        elif (hc < 0.0) == odd:
-            a, b, c = c0, a0, b0
-            ha, hb, hc = hc0, ha0, hb0
         p = c + hc / (hc - ha) * (a - c)
         q = b + hb / (hb - ha) * (a - b)
         if odd:

@@ -63,24 +63,57 @@ class Column:
     moment: wp.vec3
 
 
+@wp.struct
+class Corners:
+    """Corners of a triangle and their heights; of one that the surface cuts, the only wet or the only dry one is a."""
+
+    below: int  # how many are under the surface
+    a: wp.vec3
+    b: wp.vec3
+    c: wp.vec3
+    ha: float
+    hb: float
+    hc: float
+
+
 @wp.func
-def immersed_part(a0: wp.vec3, ha0: float, b0: wp.vec3, hb0: float, c0: wp.vec3, hc0: float) -> Wet:
-    """A quadrangle is taken as two triangles with positive weights, so that nothing cancels."""
+def ordered(a0: wp.vec3, ha0: float, b0: wp.vec3, hb0: float, c0: wp.vec3, hc0: float) -> Corners:
+    """Corners in the order that `Corners` asks for."""
     a, b, c = a0, b0, c0
     ha, hb, hc = ha0, hb0, hc0
-    out = Wet()
     below = wp.where(ha < 0.0, 1, 0) + wp.where(hb < 0.0, 1, 0) + wp.where(hc < 0.0, 1, 0)
-    if below == 3:
-        out.share = 1.0
-        out.centre = (a + b + c) / 3.0
-    elif below > 0:
+    if below == 1 or below == 2:
         odd = below == 1
-        if (hb < 0.0) == odd:  # turn it so that the only wet, or the only dry, corner is a
+        if (hb < 0.0) == odd:
             a, b, c = b0, c0, a0
             ha, hb, hc = hb0, hc0, ha0
         elif (hc < 0.0) == odd:
             a, b, c = c0, a0, b0
             ha, hb, hc = hc0, ha0, hb0
+    out = Corners()
+    out.below = below
+    out.a = a
+    out.b = b
+    out.c = c
+    out.ha = ha
+    out.hb = hb
+    out.hc = hc
+    return out
+
+
+@wp.func
+def immersed_part(a0: wp.vec3, ha0: float, b0: wp.vec3, hb0: float, c0: wp.vec3, hc0: float) -> Wet:
+    """A quadrangle is taken as two triangles with positive weights, so that nothing cancels."""
+    turned = ordered(a0, ha0, b0, hb0, c0, hc0)
+    a, b, c = turned.a, turned.b, turned.c
+    ha, hb, hc = turned.ha, turned.hb, turned.hc
+    out = Wet()
+    below = turned.below
+    if below == 3:
+        out.share = 1.0
+        out.centre = (a + b + c) / 3.0
+    elif below > 0:
+        odd = below == 1
         if odd:  # the triangle a, a + s (b - a), a + t (c - a)
             s = ha / (ha - hb)
             t = ha / (ha - hc)
@@ -113,20 +146,15 @@ def linear_column(
 @wp.func
 def column(a0: wp.vec3, ha0: float, b0: wp.vec3, hb0: float, c0: wp.vec3, hc0: float) -> Column:
     """The water over the immersed part of a triangle, see `immersed_part`."""
-    a, b, c = a0, b0, c0
-    ha, hb, hc = ha0, hb0, hc0
+    turned = ordered(a0, ha0, b0, hb0, c0, hc0)
+    a, b, c = turned.a, turned.b, turned.c
+    ha, hb, hc = turned.ha, turned.hb, turned.hc
     out = Column()
-    below = wp.where(ha < 0.0, 1, 0) + wp.where(hb < 0.0, 1, 0) + wp.where(hc < 0.0, 1, 0)
+    below = turned.below
     if below == 3:
         out = linear_column(a, ha, b, hb, c, hc, 1.0)
     elif below > 0:
         odd = below == 1
-        if (hb < 0.0) == odd:
-            a, b, c = b0, c0, a0
-            ha, hb, hc = hb0, hc0, ha0
-        elif (hc < 0.0) == odd:
-            a, b, c = c0, a0, b0
-            ha, hb, hc = hc0, ha0, hb0
         u = hc / (hc - ha)
         w = hb / (hb - ha)
         p = c + u * (a - c)
