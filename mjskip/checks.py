@@ -115,7 +115,7 @@ def check_vector(name: str, value: object, size: int) -> Array:
     return check_array(name, value, size, remedy=f"give {size} finite numbers")
 
 
-def check_surface(vertices: object, faces: object) -> tuple[Array, npt.NDArray[np.int32]]:
+def check_triangles(vertices: object, faces: object) -> tuple[Array, npt.NDArray[np.int32]]:
     """Vertices (n, 3) [m], and triangles (m, 3) as indices of them."""
     points = check_array("vertices", vertices, None, 3)
     index = _as_array(faces)

@@ -400,6 +400,11 @@ def test_a_picture_larger_than_the_models_buffer_is_refused_with_the_remedy():
         mjskip.Renderer(model, 1080, 1920)
 
 
+def test_what_is_no_model_is_refused_in_one_line():
+    with pytest.raises(ValueError, match=r"^model is 'boat.xml': give what mujoco.MjModel"):
+        mjskip.Renderer("boat.xml", 120, 160)
+
+
 def test_moving_water_that_a_model_brings_is_drawn_without_being_named():
     spec = mujoco.MjSpec.from_string(
         """<mujoco><worldbody><camera name="above" pos="0 0 1"/>

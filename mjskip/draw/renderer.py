@@ -96,16 +96,16 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]
         self._gl_context: Any = None  # both are the base class's, and what `close` looks for
         self._mjr_context: Any = None
         self._passes: WaterPasses | None = None
+        check_type(
+            "model", model, mujoco.MjModel, "give what mujoco.MjModel.from_xml_path(file) makes"
+        )
+        height, width = check_count("height", height), check_count("width", width)
         room = model.vis.global_
         if width > room.offwidth or height > room.offheight:
             raise ValueError(
                 f"the picture is {width} x {height} pixels and the model's offscreen buffer {room.offwidth} x "
                 f'{room.offheight}: give the model <visual><global offwidth="{width}" offheight="{height}"/></visual>'
             )
-        check_type(
-            "model", model, mujoco.MjModel, "give what mujoco.MjModel.from_xml_path(file) makes"
-        )
-        height, width = check_count("height", height), check_count("width", width)
         max_geom = check_count("max_geom", max_geom, high=2**31 - 1)
         check_type("font_scale", font_scale, mujoco.mjtFontScale, "give a mujoco.mjtFontScale")
         if appearance is not None:

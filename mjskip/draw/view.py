@@ -96,6 +96,8 @@ def view(
     timestep = float(scene.model.opt.timestep)
     with MujocoEngine(scene, None, timestep, frozen_attitude=False) as engine:
         show = _Show(scene, engine, surface, grid)
+        show.advance(1)  # what must be compiled is, before there is a window that would stand still
+        show.throw_again()
         return _watch(show, slow=slow, seconds=seconds, ready=ready)
 
 
@@ -188,8 +190,8 @@ class _Show:
 
     def _new_run(self) -> Run:
         return Run(
-            self._scene, self.engine, self.timestep, field=self._scene.field(),
-            feel=self._surface == "waves",
+            self._scene, self.engine, self.timestep,
+            field=None if self._sea is not None else self._scene.field(), feel=self._surface == "waves",
         )  # fmt: skip
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mjskip._typing import Array
-from mjskip.checks import check_array, check_surface
+from mjskip.checks import check_array, check_triangles
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -47,7 +47,7 @@ class Hull:
         Raises:
             ValueError: an argument has another shape, or is not finite.
         """
-        vertices, faces = check_surface(vertices, faces)
+        vertices, faces = check_triangles(vertices, faces)
         inertia = check_array("inertia", inertia, 3, 3)
         return cls(vertices=vertices, faces=faces, **disc_of(vertices[faces], inertia))
 

@@ -17,8 +17,8 @@ from mjskip.checks import (
     check_number,
     check_path,
     check_positive,
-    check_surface,
     check_switch,
+    check_triangles,
     check_vector,
     fault,
 )
@@ -247,7 +247,7 @@ class Stone(Hull):
         Raises:
             ValueError: an argument has another shape, or is not finite.
         """
-        vertices, faces = check_surface(vertices, faces)
+        vertices, faces = check_triangles(vertices, faces)
         vertices = vertices - check_vector("centre", centre, 3)
         inertia = check_array("inertia", inertia, 3, 3)
         check_positive(mass=mass)

@@ -160,6 +160,10 @@ def simulate_all(
                 machine.data, timestep=timestep, frames=record, surface=machine.surface(), middle=_middle(scene)
             )  # fmt: skip
             machine.observe = model_log.step
+            if (
+                model_log.recording is not None
+            ):  # the sea is shown, not the rings that loads would make
+                field = recorder = None
         run = Run(
             scene, machine, timestep, field=field, feel=waves, load_radius=load_radius, recorder=recorder
         )  # fmt: skip
